@@ -21,6 +21,7 @@ _OTHERS = {
     ".aem": "Attitude Ephemeris Message",
     ".tdm": "Tracking Data Message of observations",
     ".psv": "observations in the format ADES",
+    ".html": "interactive page that replays the cell",
 }
 
 
@@ -81,13 +82,15 @@ def export(
 
     States are in km and km/s, ICRF axes, and the files state frame, center and time scale. The cell
     must have been made with the records that the format needs (`task2.record`): estimates or truth
-    for states and attitudes, measurements for observations and observers.
+    for states and attitudes, measurements for observations and observers; estimates, covariance and
+    measurements for a replay, and truth if it is to be shown.
 
     \b
     Examples:
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --output estimates.oem
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --output observations.tdm
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --data truth --output truth.aem
+      cislunar export results/replay/A/published/mukf/nt20_dt60.nc --output replay.html
     """
     from cislunar.runtime.netcdf import read_dataset, write_text
     from cislunar.runtime.progress import logger
@@ -140,11 +143,15 @@ def _texts(
         tdm_text,
     )
 
+    suffix = path.suffix.lower()
+    if suffix == ".html":
+        from cislunar.figures.replay import cell_replay, replay_page
+
+        return {path: replay_page(cell_replay(cell, sun, seed=seed))}
     dynamics = EPHEMERIS_COMMENTS if is_ephemeris(cell) else COMMENTS
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S")
     message = {"created": now, "time_system": time_system, "comments": dynamics}
     which = "true" if data == "truth" else "estimated"
-    suffix = path.suffix.lower()
     if suffix == ".aem":
         return {path: aem_text(cell_attitudes(cell, sun, which, seed=seed), **message)}
     if suffix in (".tdm", ".psv"):

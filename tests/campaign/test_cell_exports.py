@@ -40,6 +40,7 @@ from cislunar.exchange import (
 )
 from cislunar.exchange.inertial import inertial_states
 from cislunar.exchange.tdm import read_tdm, tdm_text
+from cislunar.figures.replay import cell_replay, replay_page
 from cislunar.runtime.netcdf import write_dataset
 from cislunar.tasking.settings import RECORDABLE
 
@@ -196,6 +197,13 @@ def results(cell, inputs, tmp_path):
 
 def export(*arguments):
     return CliRunner().invoke(cislunar, ["export", *map(str, arguments)])
+
+
+def test_the_command_writes_a_replay(cell, inputs, results, tmp_path):
+    done = export(results, "--output", tmp_path / "replay.html")
+    assert done.exit_code == 0, done.stderr
+    page = (tmp_path / "replay.html").read_text("utf-8")
+    assert page == replay_page(cell_replay(cell, inputs.sun))
 
 
 def test_the_command_writes_every_format(cell, inputs, results, tmp_path):

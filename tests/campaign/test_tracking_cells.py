@@ -183,6 +183,7 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.tasking_comparison.epochs", [24]),
         ("task2.tasking_comparison.tpe_evaluations", 10),
         ("task2.tasking_comparison.targets", []),
+        ("task2.replay", "A/published/mukf/nt21_dt60"),
         ("task2.body.radius_m", None),
         ("task2.body.axis_scale", [1, 1]),
         ("task2.body.axis_scale", [1, 1, 0]),

@@ -160,6 +160,8 @@ def test_report_is_one_file(finished, tmp_path):
     # The interactive page is included, byte for byte, with its copy of plotly.js.
     page = (finished / "results/quick/figures/orbits_3d.html").read_bytes()
     assert base64.b64encode(page).decode() in report
+    replay = (finished / "results/quick/figures/replay.html").read_bytes()
+    assert base64.b64encode(replay).decode() in report
 
 
 def refused(folder, tmp_path, change, *arguments):

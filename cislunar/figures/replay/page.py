@@ -165,8 +165,9 @@ def replay_page(replay: Replay) -> str:
     traces = [*body_traces(earth[0], moon[0]), *_traces(replay)]
     figure = go.Figure(data=traces, layout=scene_layout(bounds))
     # buttons for the camera are at the right end
-    figure.update_layout(legend={"title": replay.title, "x": 0.005, "xanchor": "left"})
-    figure.layout.scene.camera = {"eye": {"x": 0.7, "y": -1.75, "z": 0.8}}
+    legend = {"title": replay.title, "x": 0.005, "xanchor": "left", "bgcolor": "rgba(0, 0, 0, 0)"}
+    figure.update_layout(legend=legend)
+    figure.layout.scene.camera = {"eye": {"x": 0.75, "y": -1.85, "z": 0.85}, "center": {"z": -0.1}}
     given = {
         "traces": [trace.name for trace in traces],
         "utc": list(replay.utc),
@@ -273,10 +274,10 @@ def _traces(replay: Replay) -> list[go.Scatter3d | go.Mesh3d]:
     dark = {"line": {"color": "black", "width": 1}}
     return [
         marks("observers", style.YELLOW, 6, "square", **dark),
-        surface("fields of view", style.ORANGE, 0.25),
+        surface("fields of view", style.ORANGE, 0.3),
         lines("detections", style.GREEN, 4),
         marks("tracks", style.BLUE, 4, "circle"),
-        surface("ellipsoids", style.SKY, 0.35),
+        surface("ellipsoids", style.SKY, 0.25),
         lines("paths", "#9A9A9A", 1.5),
         lines("path of the selected object", style.VERMILION, 4),
         marks("selected object", style.VERMILION, 6, "circle"),

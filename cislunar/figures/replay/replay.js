@@ -103,17 +103,19 @@ window.replay = (async () => {
     return Math.max(...facts.bounds.map(([low, high]) => high - low)) / 2;
   }
 
-  const usual = (() => {
+  // the largest standard deviation of all but a tenth of the states, km
+  const large = (() => {
     const some = [];
     for (let at = 0; at < scale.length; at += Math.ceil(scale.length / 5000)) if (scale[at] > -99) some.push(scale[at]);
-    return 2 ** some.sort((a, b) => a - b)[some.length >> 1];
+    return 2 ** some.sort((a, b) => a - b)[Math.floor(0.9 * some.length)];
   })();
 
   function enlargement() {
     const stated = Number($("factor").value), half = halfWidth();
     if (stated || half === null) return stated || 1;
-    // a power of ten with which a usual ellipsoid has a fortieth to a quarter of the half width
-    return Math.max(1, 10 ** Math.ceil(Math.log10(0.025 * half / (Number($("sigma").value) * usual))) || 1);
+    // 1, 2 or 5 times a power of ten, with which few ellipsoids exceed a fifth of the half width
+    const most = 0.2 * half / (Number($("sigma").value) * large), ten = 10 ** Math.floor(Math.log10(most));
+    return most > 1 ? ten * [5, 2, 1].find(digit => digit * ten <= most) : 1;
   }
 
   function points(count, place, text) {
