@@ -127,7 +127,7 @@ _FILTERS = {
     "filter-bodies": "material, inertia and torque as further states",
     "filter-inflated": "larger magnitude noise assumed",
     "filter-adaptive": "magnitude noise estimated",
-    "filter-strongest": "bodies and noise estimated, mixtures and process noise",
+    "filter-strongest": "all additions",
     "filter-position": "angles alone",
 }
 """Variants of the paper's filter that account for errors of the predicted brightness."""
@@ -188,6 +188,11 @@ PIPELINES = {
     },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
+
+IN_TABLES_ALONE = {
+    PIPELINES["published", "mukf", name] for name in _FILTERS if name != "filter-strongest"
+}
+"""Pipelines that no figure shows: filters with some of the additions."""
 
 _TRUTH_AND_FILTER = {
     "cr3bp": "CR3BP truth and filter",

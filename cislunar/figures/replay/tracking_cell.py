@@ -96,7 +96,7 @@ def cell_replay(
     error = None
     if "true_translation" in own:
         error = placed(own["true_translation"].values[..., :3]) - estimate
-    names = observer_names(observed.shape[1]) if observers is None else observers
+    names = observer_names(cell) if observers is None else observers
     return Replay(
         title=str(cell.attrs["title"]),
         utc=observation_dates(frame.tdb_s(times)),
