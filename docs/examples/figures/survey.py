@@ -42,7 +42,7 @@ print(states[["day", "findable", "right", "wrong", "completeness", "purity"]].ro
 
 figure, panel = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
 hours = 24.0 * states["day"]
-panel.step(hours, states["findable"], where="post", color="gray", label="objects with detections")
+panel.step(hours, states["findable"], where="post", color="gray", label="objects with enough tracklets")
 panel.plot(hours, states["right"], "o-", label="objects in the catalog")
 panel.plot(hours, states["undetected"], "s:", label="expected undetected objects")
 panel.set(xlabel="time since the beginning, h", ylabel="number of objects", ylim=(0.0, None))
