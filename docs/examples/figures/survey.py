@@ -3,8 +3,9 @@ A survey that starts without a catalog
 ======================================
 
 Six telescopes search for six unknown objects for six hours. Detections without identity are linked
-to tracklets and orbits. The figure shows the number of objects in the catalog, and the expected
-number of undetected ones. The page :doc:`/docs/catalog` describes the method.
+to tracklets and orbits. The figure shows the number of objects in the catalog, of objects with
+enough tracklets to be found, and the expected number of undetected ones. The page
+:doc:`/docs/catalog` describes the method.
 """
 
 import matplotlib.pyplot as plt
@@ -42,7 +43,7 @@ print(states[["day", "findable", "right", "wrong", "completeness", "purity"]].ro
 
 figure, panel = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
 hours = 24.0 * states["day"]
-panel.step(hours, states["findable"], where="post", color="gray", label="objects with enough tracklets")
+panel.step(hours, states["findable"], where="post", color="gray", label="findable objects")
 panel.plot(hours, states["right"], "o-", label="objects in the catalog")
 panel.plot(hours, states["undetected"], "s:", label="expected undetected objects")
 panel.set(xlabel="time since the beginning, h", ylabel="number of objects", ylim=(0.0, None))
