@@ -267,5 +267,5 @@ def test_a_cell_without_measurements_has_no_observations(inputs):
     for of_cell in (cell_observations, cell_observer_arcs):
         with pytest.raises(ConfigurationError, match=r"add measurements to 'task2\.record'"):
             of_cell(bare, inputs.sun)
-    with pytest.raises(ConfigurationError, match="no estimated_quaternion: add estimates"):
+    with pytest.raises(ConfigurationError, match="no estimated_translation: add estimates"):
         cell_attitudes(bare, inputs.sun)

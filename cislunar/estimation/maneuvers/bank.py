@@ -276,7 +276,12 @@ class ManeuverBank:
                 break
             state = kept[0] + unit * step
         state, end, path, matrix = kept
-        posterior = np.outer(unit, unit) * np.linalg.inv(matrix)
+        # to unit diagonal; the time of a maneuver may hardly be determined
+        root = 1.0 / np.sqrt(np.diag(matrix))
+        scaled = np.outer(root, root) * matrix
+        if not np.all(np.isfinite(scaled)) or np.linalg.matrix_rank(scaled, hermitian=True) < SIZE:
+            return None
+        posterior = np.outer(unit * root, unit * root) * np.linalg.inv(scaled)
         later = rows.time > time
         evidence = best + np.linalg.slogdet(matrix)[1] + np.linalg.slogdet(correlation)[1]
         evidence += np.sum(np.log(rows.variance[later]))
