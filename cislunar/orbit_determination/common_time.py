@@ -16,6 +16,9 @@ Indices = NDArray[np.int64]
 _TOLERANCE = 1e-9
 """Of the propagation, relative to one unit of length."""
 
+_ROUNDING = 1e-14
+"""Least share in the largest eigenvalue of a correlation matrix that is not lost to rounding."""
+
 
 def orbits_at(
     starts: Iterable[tuple[float, Array, Array]], time: float, forces: tuple
@@ -83,8 +86,17 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     gate, found = gate_threshold(probability, 6), []
     for k in range(len(state) - 1):
         apart = state[k + 1 :] - state[k]
-        spread = covariance[k + 1 :] + covariance[k]
-        squared = np.einsum("ni,ni->n", apart, np.linalg.solve(spread, apart[..., None])[..., 0])
-        near = k + 1 + np.flatnonzero((squared >= 0.0) & (squared <= gate))
+        squared = _squared_distances(apart, covariance[k + 1 :] + covariance[k])
+        near = k + 1 + np.flatnonzero(squared <= gate)
         found.append(np.stack([np.full(near.size, kept[k]), kept[near]], axis=1))
     return np.concatenate([np.empty((0, 2), dtype=np.int64), *found])
+
+
+def _squared_distances(vector: Array, covariance: Array) -> Array:
+    """Squared Mahalanobis distances (n,). An eigenvalue that is lost to rounding, as of orbits with
+    an undetermined range, counts as the least that is not, so that no pair is lost by it."""
+    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    share, axes = np.linalg.eigh(correlation)
+    share = np.maximum(share, _ROUNDING * share[:, -1:])
+    return np.sum(np.einsum("nij,ni->nj", axes, vector / scale) ** 2 / share, axis=1)

@@ -338,3 +338,17 @@ def test_the_evidence_of_a_covariance_that_is_singular_in_double_precision():
     expected = -0.5 * np.sum(np.log1p(share**-2.0)) - 0.5 * own
     difference = log_evidence(wide, angles, region) - log_evidence(fit, angles, region)
     assert difference[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_pairs_of_orbits_with_a_singular_covariance():
+    """Along an undetermined direction a distance is likely that is not likely across it."""
+    angles, _ = night(OBJECTS[:1], [0.0, 2.0], 0.0, 6)
+    one = fit_orbits(angles, [np.arange(angles.time.size)], OBJECTS[:1], 0.0)
+    direction = np.array([0.6, 0.8, 0.0, 0.0, 0.0, 0.0])
+    across = np.array([0.8, -0.6, 0.0, 0.0, 0.0, 0.0])
+    wide = 1e-10 * np.eye(6) + 1e10 * np.outer(direction, direction)
+    assert np.linalg.matrix_rank(wide) < 6
+    starts = [OBJECTS[0], OBJECTS[0] + 1e-3 * direction, OBJECTS[0] + 2.0 * across]
+    fits = [one._replace(state=state[None], covariance=wide[None]) for state in starts]
+    pairs = same_states(concatenate_fits(fits, one), 0.9999, forces=EARTH_MOON)
+    assert pairs.tolist() == [[0, 1]]

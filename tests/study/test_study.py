@@ -350,7 +350,7 @@ def test_a_page_names_observers_and_targets(tmp_path):
     import re
 
     text = cs.Study(OBSERVERS, TARGETS, EPOCH, **SETTINGS).page(tmp_path / "page.html")
-    packed = re.search(r'atob\("([^"]+)"\)', text)[1]
+    packed = re.search(r'await unpack\("([^"]+)"\)', text)[1]
     script = gzip.decompress(base64.b64decode(packed)).decode()
     assert all(f'"{name}, ' in script for name in TARGETS)
     assert all(f'"{name} (1)"' in script for name in OBSERVERS)
