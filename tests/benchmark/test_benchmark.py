@@ -196,7 +196,7 @@ def test_references_need_no_truth_and_find_objects(made, references):
         assert score["purity"] >= 0.9 and 0.0 < score["latency_median_h"] <= 6.0
     ours = scores["ours"]
     assert ours["completeness"] >= 0.5 and ours["purity"] == 1.0 and ours["false"] == 0
-    assert ours["anees"] < 4.0
+    assert ours["anees_ballistic"] < 4.0  # the references model no maneuvers
 
 
 def test_a_score_of_the_command_has_a_table_and_a_figure(made, references, tmp_path):
