@@ -86,15 +86,27 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     gate, found = gate_threshold(probability, 6), []
     for k in range(len(state) - 1):
         apart = state[k + 1 :] - state[k]
-        squared = _squared_distances(apart, covariance[k + 1 :] + covariance[k])
+        squared = squared_distances(apart, covariance[k + 1 :] + covariance[k])
         near = k + 1 + np.flatnonzero(squared <= gate)
         found.append(np.stack([np.full(near.size, kept[k]), kept[near]], axis=1))
     return np.concatenate([np.empty((0, 2), dtype=np.int64), *found])
 
 
-def _squared_distances(vector: Array, covariance: Array) -> Array:
-    """Squared Mahalanobis distances (n,). An eigenvalue that is lost to rounding, as of orbits with
-    an undetermined range, counts as the least that is not, so that no pair is lost by it."""
+def squared_distances(vector: Array, covariance: Array) -> Array:
+    """Squared Mahalanobis distances.
+
+    An eigenvalue that is lost to rounding, as of orbits with an undetermined range, counts as the
+    least that is not, so that the distance is not too large by it.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (n, m)
+    covariance : ndarray, shape (n, m, m)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     correlation = covariance / (scale[:, :, None] * scale[:, None, :])
     share, axes = np.linalg.eigh(correlation)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
-from cislunar.orbit_determination import Angles, Attributables, LinkedOrbits
+from cislunar.orbit_determination import Angles, Attributables, LinkedOrbits, squared_distances
 from cislunar.survey.settings import QualitySettings
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def orbit_table(
             at = round(float(orbits.fits.epoch[k]) / step)
             miss = truth[main, at] - orbits.fits.state[k]
             error = float(np.linalg.norm(miss[:3])) * LENGTH_UNIT_KM
-            nees = float(miss @ np.linalg.solve(covariance, miss))
+            nees = float(squared_distances(miss[None], covariance[None])[0])
         sigma = float(np.sqrt(np.trace(covariance[:3, :3]))) * LENGTH_UNIT_KM
         rows.append(
             (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, int(counts.max()),
