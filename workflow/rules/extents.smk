@@ -17,7 +17,6 @@ rule paper:
             extent="paper/" if EXTENTS["paper/"] and OF_THE_PAPER else [],
         ),
         rules.paper_figures.input,
-        rules.replay_page.output if REPLAYED else [],
 
 
 EVERYTHING = [
