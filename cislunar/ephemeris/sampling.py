@@ -99,7 +99,7 @@ def sample_ephemeris(
         epoch_jd = julian_date(epoch_jd)
     duration_days = in_unit("duration_days", duration_days, "d")
     elapsed = _grid(duration_days, in_unit("step_minutes", step_minutes, "min"))
-    et = float(utc_to_tdb(epoch_jd)) + elapsed
+    et = float(utc_to_tdb(epoch_jd, "epoch_jd")) + elapsed
     require_kind("kernel", kernel, (str, Path), "give 'de421', 'de440' or the path of an SPK file")
     path = kernel_path(kernel)
 
@@ -126,7 +126,7 @@ def check_coverage(
     epoch_jd: float, duration_days: float, step_minutes: float, kernel: str | Path
 ) -> None:
     """Raise the errors that `sample_ephemeris` would raise for these arguments."""
-    start, length = float(utc_to_tdb(epoch_jd)), _grid(duration_days, step_minutes)[-1]
+    start, length = float(utc_to_tdb(epoch_jd, "epoch_jd")), _grid(duration_days, step_minutes)[-1]
     path = kernel_path(kernel)
     with loaded(path):
         require_coverage(path, start, start + float(length))

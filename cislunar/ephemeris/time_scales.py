@@ -40,25 +40,32 @@ _LEAP_JD = (
 _FIRST_TAI_MINUS_UTC_S = 10.0
 
 
+def _utc_dates(name: str, jd: ArrayLike) -> Array:
+    """Julian dates in UTC as an array; a `ConfigurationError` names the argument at fault."""
+    dates = np.asarray(jd, dtype=float)
+    if not np.all(np.isfinite(dates)) or np.any(dates < _LEAP_JD[0]):
+        raise ConfigurationError(
+            f"{name} = {np.min(dates)}: Julian dates must be finite and not before 1972-01-01 "
+            f"({_LEAP_JD[0]}), where UTC with leap seconds begins"
+        )
+    return dates
+
+
 def tai_minus_utc(time_utc_jd: ArrayLike) -> Array:
     """TAI - UTC, s, at Julian dates in UTC from 1972 on, when whole leap seconds began."""
-    jd = np.asarray(time_utc_jd, dtype=float)
-    if not np.all(np.isfinite(jd)) or np.any(jd < _LEAP_JD[0]):
-        raise ConfigurationError(
-            f"Julian dates must be finite and not before 1972-01-01 ({_LEAP_JD[0]}), "
-            f"where UTC with leap seconds begins; got {np.min(jd)}"
-        )
+    jd = _utc_dates("time_utc_jd", time_utc_jd)
     return _FIRST_TAI_MINUS_UTC_S - 1.0 + np.searchsorted(_LEAP_JD, jd, side="right")
 
 
-def utc_to_tdb(time_utc_jd: ArrayLike) -> Array:
+def utc_to_tdb(time_utc_jd: ArrayLike, name: str = "time_utc_jd") -> Array:
     """TDB seconds past J2000 (SPICE's ET) of Julian dates in UTC, from 1972 on. TDB - TT is
     ``1.657 ms sin(E)`` with the Earth's eccentric anomaly E, the formula of SPICE.
 
     A Julian date has a resolution of 40 microseconds. It stands for the nearest date with four
-    decimals of a second, so that a calendar date with no more decimals is recovered exactly.
+    decimals of a second, so that a calendar date with no more decimals is recovered exactly. An
+    error names the argument by `name`.
     """
-    elapsed = (np.asarray(time_utc_jd, dtype=float) - J2000_JD) * SECONDS_PER_DAY
+    elapsed = (_utc_dates(name, time_utc_jd) - J2000_JD) * SECONDS_PER_DAY
     return clock_to_tdb(np.round(elapsed, 4), "UTC")
 
 
