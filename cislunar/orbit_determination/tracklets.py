@@ -27,7 +27,7 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ARCSECOND
 from cislunar.orbit_determination.angles import Angles, tangent_basis
-from cislunar.runtime.settings_fields import Positive, Section, setting
+from cislunar.orbit_determination.tracklet_settings import TrackletSettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -82,24 +82,6 @@ class Attributables(NamedTuple):
         return Attributables(*(each[chosen] for each in self[:-1]), parts)
 
 
-class TrackletSettings(Section):
-    """Conditions on detections of one observer that may belong to one pass of an object."""
-
-    # fmt: off
-
-    largest_gap_min: Positive = setting(
-        "longest time between consecutive detections of a tracklet", "min", default=15)
-    largest_rate_arcsec_s: Positive = setting(
-        "fastest motion on the sky", "arcsec/s", default=3.5)
-    largest_magnitude_difference: Positive = setting(
-        "largest difference of magnitude between consecutive detections", "mag", default=1.5)
-    largest_acceleration_arcsec_s2: Positive = setting(
-        "largest change of the rate in time, within which a third detection continues two others",
-        "arcsec/s^2", default=3e-4)
-
-    # fmt: on
-
-
 def rotate_about_z(vector: ArrayLike, angle: ArrayLike) -> Array:
     """Vectors (..., 3) rotated about z by angles (...), rad, positive from x to y."""
     x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
@@ -131,7 +113,8 @@ def form_tracklets(
     Returns
     -------
     list of ndarray of int
-        Rows of the angles, at least two each, in order of time; no tracklet contains another.
+        Rows of the angles, at least `least_detections` each, in order of time; no tracklet contains
+        another.
     """
     settings = TrackletSettings() if settings is None else settings
     gap = settings.largest_gap_min * 60.0 / TIME_UNIT_S
@@ -175,7 +158,8 @@ def form_tracklets(
                     soonest = min(angles.time[each] for _, each in near)
                     chain.append(min(n for n in near if angles.time[n[1]] == soonest)[1])
                 used.update((chain[i], each) for i in range(len(chain)) for each in chain[i + 1 :])
-                found.append(np.array(chain))
+                if len(chain) >= settings.least_detections:
+                    found.append(np.array(chain))
     return found
 
 

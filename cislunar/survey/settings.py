@@ -4,6 +4,7 @@ from typing import Literal
 
 from cislunar.detection.process import DetectionProcess
 from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination.tracklet_settings import TrackletSettings
 from cislunar.runtime.settings_fields import (
     Count,
     NotNegative,
@@ -96,7 +97,7 @@ class QualitySettings(Section):
 
 
 class SurveyModel(Section):
-    """Survey from an empty catalog: duration, search, prior, false alarms and quality."""
+    """Survey from an empty catalog."""
 
     # fmt: off
 
@@ -111,6 +112,7 @@ class SurveyModel(Section):
     search: SearchSettings = setting("", default=SearchSettings())
     prior: DensityPrior = setting("", default=DensityPrior())
     process: DetectionProcess = setting("", default=DetectionProcess())
+    tracklets: TrackletSettings = setting("", default=TrackletSettings())
     quality: QualitySettings = setting("", default=QualitySettings())
 
     # fmt: on

@@ -28,7 +28,6 @@ from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
     LinkingSettings,
-    TrackletSettings,
 )
 from cislunar.runtime.arguments import array_of
 from cislunar.runtime.seeds import generator
@@ -58,7 +57,6 @@ class SurveySettings(SurveyModel):
     """Survey from an empty catalog, with the settings of orbit determination."""
 
     region: AdmissibleRegion = setting("", default=AdmissibleRegion())
-    tracklets: TrackletSettings = setting("", default=TrackletSettings())
     linking: LinkingSettings = setting("", default=LinkingSettings())
 
 

@@ -19,6 +19,7 @@ from cislunar.orbit_determination import (
     Angles,
     ConfirmationRule,
     LinkingSettings,
+    TrackletSettings,
     attributables,
     fit_orbits,
     form_tracklets,
@@ -47,13 +48,13 @@ OBSERVERS = np.array(
 LOG_CLUTTER = np.log(1.0 / np.deg2rad(3.0) ** 2)
 
 
-def night(objects, hours, alarms, seed):
-    """Detections of objects by all observers, twice, ten minutes apart, at some hours; false alarms
+def night(objects, hours, alarms, seed, visits=(0.0, 10.0)):
+    """Detections of objects by all observers, at some hours and some minutes; false alarms
     within three degrees of the objects; and the origins."""
     rng, rows = np.random.default_rng(seed), []
     for hour in hours:
         for number, observer in enumerate(OBSERVERS):
-            for visit in (0.0, 10.0):
+            for visit in visits:
                 t = (hour + (visit + 3.0 * number) / 60.0) * HOUR
                 here = propagate(observer, [t], method="dop853")[0, :3]
                 for origin, state in enumerate(objects):
@@ -118,6 +119,19 @@ def test_known_orbits_are_continued():
     sigma = np.sqrt(np.diagonal(at_once.fits.covariance[order[1]], axis1=1, axis2=2))
     apart = later.fits.state[order[0]] - at_once.fits.state[order[1]]
     assert np.abs(apart / sigma).max() < 1e-2
+
+
+def test_three_detections_suppress_false_tracklets():
+    angles, origin = night(OBJECTS[:2], [0.0, 2.0], 8.0, 6, visits=(0.0, 6.0, 12.0))
+    pairs = form_tracklets(angles)
+    triples = form_tracklets(angles, TrackletSettings(least_detections=3))
+    right = [rows for rows in triples if np.all(origin[rows] == origin[rows[0]])]
+    assert len(right) == 2 * 2 * len(OBSERVERS)  # objects, hours
+    assert [rows.tolist() for rows in triples] == [r.tolist() for r in pairs if len(r) >= 3]
+    false = [sum(np.any(origin[rows] < 0) for rows in each) for each in (pairs, triples)]
+    assert false[0] > 10 and false[1] < 0.1 * false[0]
+    with pytest.raises(ConfigurationError, match="least_detections"):
+        TrackletSettings(least_detections=1)
 
 
 def test_the_choice_is_that_of_brute_force():
