@@ -119,7 +119,7 @@ def transition(forces, k, n_steps, scene, state, other, work):
 
 
 @njit_noalloc
-def _calm_transition(forces, k, scene, state, phi):
+def calm_transition(forces, k, scene, state, phi):
     """Transition matrix over the step from time k where forces change little, into `phi`: the
     exponential of the derivatives at the middle of the step (second-order Magnus expansion; Iserles
     & Norsett 1999) to third order. Returns whether they change little."""
@@ -164,7 +164,7 @@ def carry_estimates(forces, k, scene, place, state, measured, path, spread, work
     first, `spread`. Where forces change little and nothing is measured at the end of the step, the
     difference of the estimates alone is propagated. The matrix of the step goes into `work.phi`."""
     phi, pair = work.phi, work.pair
-    if not _calm_transition(forces, k, scene, place, phi):
+    if not calm_transition(forces, k, scene, place, phi):
         transition(forces, k, 1, scene, place, state, work)
         copy_into(place, work.mean)
         copy_into(state, work.beside)

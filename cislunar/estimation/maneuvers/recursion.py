@@ -7,9 +7,11 @@ from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.linearization import (
     SIZE,
+    calm_transition,
     carry_covariance,
     follow,
     make_scratch,
+    measured_at,
     multiply,
     transition,
 )
@@ -113,10 +115,13 @@ def _scan_target(j, first, model, records, orbit, own, settings, planned, out, w
         k = first + i
         if not planned and not np.isfinite(mean[i, 0]):
             return
-        transition(forced, k - 1, 1, scene, state, state, work)
+        # without an observation the mean at the end of the step is that of the filter
+        needed = planned or measured_at(used, offset[i], offset[i + 1])
+        if needed or not calm_transition(forced, k - 1, scene, state, work.phi):
+            transition(forced, k - 1, 1, scene, state, state, work)
+            copy_into(state, work.mean)
         multiply(work.phi, path, moved)
         copy_into(path, moved)
-        copy_into(state, work.mean)
         any_used = False
         if planned:
             carry_covariance(work.phi, before, work.square)
