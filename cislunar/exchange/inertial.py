@@ -9,8 +9,8 @@ sensors measure.
 Assumptions and limitations
 ---------------------------
 - The Moon of these states is on a circle of radius l*. The ephemeris Moon differs from it by up to
-  6 percent in distance and, within half a month, by some 6 degrees in direction. Lengths are not
-  scaled accordingly.
+  7 percent in distance and, within half a month, by 4 to 15 degrees in direction, depending on the
+  epoch. Lengths are not scaled accordingly.
 """
 
 from collections.abc import Sequence

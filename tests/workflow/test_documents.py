@@ -548,6 +548,15 @@ def test_documents_of_the_repository_are_those_of_their_tables():
     assert not documents.outdated(ROOT)
 
 
+@pytest.mark.parametrize("columns", ["real", "real_bodies", "real_observers"])
+def test_every_column_of_the_study_of_pipelines_has_values(columns):
+    """A quantity, part or unit that the table does not have would leave a column empty."""
+    table = pd.read_csv(ROOT / "docs/tables/real.csv", keep_default_na=False)
+    known = set(table[["quantity", "part", "unit"]].itertuples(index=False, name=None))
+    for name, column in COLUMNS[columns].items():
+        assert (column.quantity, column.part, column.unit) in known, name
+
+
 @pytest.mark.skipif(
     not (ROOT / "results/tables/results.md").is_file(), reason="no finished campaign in results/"
 )

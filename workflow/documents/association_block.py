@@ -117,7 +117,7 @@ ASSOCIATION_BLOCKS = {
     ),
     f"{STUDY}-fields": _table(
         _without(_USUAL, "field_deg"),
-        Field_of_view_deg=lambda values: f"{values['field_deg']:g}",
+        Field_of_view_in_degrees=lambda values: f"{values['field_deg']:g}",
         False_alarms_per_exposure=_clutter,
         Association=_associator,
     ),

@@ -35,7 +35,7 @@ _OF_SIZES = {
     "Vector within 3 sigma (%)": ("velocity_coverage", 100.0, ".0f"),
 }
 _OF_CELLS = {
-    "Detected with 90 % (m/s)": ("detectable_m_s", 1.0, ".2f"),
+    "Detected with a probability of 90 % (m/s)": ("detectable_m_s", 1.0, ".2f"),
     "False alarms per target-day": ("false_alarms_per_day", 1.0, ".4f"),
     "In custody at the end (%)": ("custody_end", 100.0, ".1f"),
     "ANEES at the end": ("anees_end", 1.0, ".2f"),
@@ -74,7 +74,8 @@ def _heads(place: tuple) -> list[object]:
 
 
 _HEADS = ["Tasking", "Targets", "Observers", "Estimator", "Dynamics",
-          "False alarms per exposure", "Delay (min)", "Days", "Maneuvers"]  # fmt: skip
+          "False alarms per exposure", "Delay of measurements (min)", "Days",
+          "Response to alarms"]  # fmt: skip
 
 
 def _cells(tables: Tables) -> dict[str, str]:
@@ -107,7 +108,7 @@ def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]
             number = int(cell.loc["detected", "number"])
             numbers = [_number(cell, *column) for column in _OF_SIZES.values()]
             rows.append([f"{low:g} to {high:g}", _RESPONSES[response], number, *numbers])
-        header = ["Change of velocity (m/s)", "Maneuvers", "Number", *_OF_SIZES]
+        header = ["Change of velocity (m/s)", "Response to alarms", "Maneuvers", *_OF_SIZES]
         return {"table": markdown_table(header, rows)}
 
     return values
