@@ -102,7 +102,8 @@ def _cell_values(data: xr.Dataset, custody_km: float) -> list[_Value]:
     """Classes, quantities, values, intervals and numbers of a cell."""
     seed, target = data["maneuver_seed"].values, data["maneuver_target"].values
     start = data["maneuver_start"].values
-    size = np.linalg.norm(data["maneuver_velocity"].values, axis=1)
+    # rounded, since the norm of a change of exactly 0.1 m/s is on either side of the class limit
+    size = np.round(np.linalg.norm(data["maneuver_velocity"].values, axis=1), 9)
     tested, alarm = data["maneuver_tested_time"].values, data["maneuver_alarm"].values > 0
     time = data["time"].values
     place = LENGTH_UNIT_KM * np.linalg.norm(data["error"].values[..., 6:9], axis=3)
