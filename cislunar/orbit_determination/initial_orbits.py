@@ -241,11 +241,13 @@ def _ballistic(angles: Angles, forces: tuple) -> tuple[float, Array]:
 
 
 def is_plausible(fits: OrbitFits, forces: tuple, region: AdmissibleRegion) -> NDArray[np.bool_]:
-    """Which fits (fit,) are admissible at their epochs and nowhere too near to an observer."""
+    """Which fits (fit,) are admissible at their epochs, and too near to the observers at less than
+    half of their detections. The solution that moves along with an observer is always near to it,
+    whereas an object may pass by."""
     good = is_admissible(fits.state, fits.epoch, forces, region)
     near = np.linalg.norm(fits.position, axis=1) * LENGTH_UNIT_KM < region.least_range_km
     of = np.repeat(np.arange(fits.epoch.size), np.diff(fits.begin))
-    return good & (np.bincount(of, near, minlength=fits.epoch.size) == 0)
+    return good & (2.0 * np.bincount(of, near, minlength=fits.epoch.size) < np.diff(fits.begin))
 
 
 def _distinct(fits: OrbitFits) -> OrbitFits:

@@ -10,6 +10,9 @@ class TrackletSettings(Section):
 
     largest_gap_min: Positive = setting(
         "longest time between consecutive detections of a tracklet", "min", default=15)
+    largest_span_min: Positive = setting(
+        "longest time between the first and the last detection; longer tracklets are divided",
+        "min", default=120)
     largest_rate_arcsec_s: Positive = setting(
         "fastest motion on the sky", "arcsec/s", default=3.5)
     largest_magnitude_difference: Positive = setting(

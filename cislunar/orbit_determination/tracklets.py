@@ -118,6 +118,8 @@ def form_tracklets(
     """
     settings = TrackletSettings() if settings is None else settings
     gap = settings.largest_gap_min * 60.0 / TIME_UNIT_S
+    # the share above 1 keeps a span that equals the limit but for rounding in one part
+    longest = settings.largest_span_min * 60.0 / TIME_UNIT_S * (1.0 + 1e-9)
     fastest = settings.largest_rate_arcsec_s * ARCSECOND * TIME_UNIT_S
     acceleration = settings.largest_acceleration_arcsec_s2 * ARCSECOND * TIME_UNIT_S**2
     fixed = rotate_about_z(angles.direction, rate * angles.time)
@@ -158,8 +160,10 @@ def form_tracklets(
                     soonest = min(angles.time[each] for _, each in near)
                     chain.append(min(n for n in near if angles.time[n[1]] == soonest)[1])
                 used.update((chain[i], each) for i in range(len(chain)) for each in chain[i + 1 :])
-                if len(chain) >= settings.least_detections:
-                    found.append(np.array(chain))
+                span = angles.time[chain[-1]] - angles.time[p]
+                for part in np.array_split(chain, max(1, int(np.ceil(span / longest)))):
+                    if part.size >= settings.least_detections:
+                        found.append(part)
     return found
 
 

@@ -34,6 +34,7 @@ from cislunar.orbit_determination import (
 from cislunar.orbit_determination.admissible_region import sphere_magnitude_residuals
 from cislunar.orbit_determination.attribution import OrbitHypotheses, concatenate_fits
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
+from cislunar.orbit_determination.initial_orbits import is_plausible
 
 SIGMA = np.pi / 648_000.0
 HOUR = 3600.0 / TIME_UNIT_S
@@ -132,6 +133,28 @@ def test_three_detections_suppress_false_tracklets():
     assert false[0] > 10 and false[1] < 0.1 * false[0]
     with pytest.raises(ConfigurationError, match="least_detections"):
         TrackletSettings(least_detections=1)
+
+
+def test_long_tracklets_are_divided():
+    angles, _ = night(OBJECTS[:1], [0.0], 0.0, 7, visits=np.arange(0.0, 300.0, 10.0))
+    long = form_tracklets(angles, TrackletSettings(largest_span_min=600))
+    parts = form_tracklets(angles)
+    assert [rows.size for rows in long] == [30] * len(OBSERVERS)
+    assert np.concatenate(parts).tolist() == np.concatenate(long).tolist()
+    spans = [np.ptp(angles.time[rows]) / HOUR for rows in parts]
+    assert len(parts) == 3 * len(OBSERVERS) and min(spans) > 1.4 and max(spans) <= 2.0
+
+
+def test_an_object_may_pass_by_an_observer():
+    angles, origin = night(OBJECTS[:1], [0.0, 2.0], 0.0, 8)
+    fits = fit_orbits(angles, [np.arange(origin.size)], OBJECTS[:1], 0.0)
+    region = AdmissibleRegion()
+    for near, plausible in ((0, True), (5, True), (6, False), (12, False)):
+        position = fits.position.copy()
+        unit = position[:near] / np.linalg.norm(position[:near], axis=1)[:, None]
+        position[:near] = unit * 0.9 * region.least_range_km / LENGTH_UNIT_KM
+        found = is_plausible(fits._replace(position=position), EARTH_MOON, region)
+        assert found.tolist() == [plausible]
 
 
 def test_the_choice_is_that_of_brute_force():
