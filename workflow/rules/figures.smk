@@ -22,10 +22,12 @@ rule orbit_library_figure:
         times=benchmark_of("orbit_library_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="space.orbit_library_figure",
     message:
         "Drawing the orbit library with its targets"
     script:
-        "../scripts/figure_orbit_library.py"
+        "../scripts/figure.py"
 
 
 rule facet_geometry_figure:
@@ -41,10 +43,12 @@ rule facet_geometry_figure:
         times=benchmark_of("facet_geometry_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="space.facet_geometry_figure",
     message:
         "Drawing the reflection geometry of a facet"
     script:
-        "../scripts/figure_facet_geometry.py"
+        "../scripts/figure.py"
 
 
 rule tpe_orbits_figure:
@@ -200,10 +204,12 @@ rule family_map_figure:
         times=benchmark_of("family_map_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="space.family_map_figure",
     message:
         "Drawing the map of the family members"
     script:
-        "../scripts/figure_family_map.py"
+        "../scripts/figure.py"
 
 
 rule orbits_page:

@@ -61,10 +61,12 @@ rule sweep_figure:
         times=benchmark_of("sweep_figure/{sweep}"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="search.sweep_figure",
     message:
         "Drawing the sweep {wildcards.sweep}"
     script:
-        "../scripts/figure_sweep.py"
+        "../scripts/figure.py"
 
 
 # Association against known identities, over all sweeps of a study.
@@ -106,10 +108,12 @@ rule association_figure:
         times=benchmark_of("association_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="tracking.association_figure",
     message:
         "Drawing association against the number of false alarms"
     script:
-        "../scripts/figure_association.py"
+        "../scripts/figure.py"
 
 
 rule association:
@@ -157,10 +161,12 @@ rule maneuver_figure:
         times=benchmark_of("maneuver_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="maneuvers.maneuver_figure",
     message:
         "Drawing detection and custody of targets that maneuver"
     script:
-        "../scripts/figure_maneuvers.py"
+        "../scripts/figure.py"
 
 
 rule maneuvers:

@@ -183,12 +183,12 @@ rule against_targets_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        along="targets",
-        by="architecture",
+        figure="tracking.against_targets_figure",
+        arguments=["architecture"],
     message:
         "Drawing tracking against the number of targets"
     script:
-        "../scripts/figure_trends.py"
+        "../scripts/figure.py"
 
 
 use rule against_targets_figure as against_interval_figure with:
@@ -203,8 +203,8 @@ use rule against_targets_figure as against_interval_figure with:
         log_of("figures/tracking_against_interval"),
         times=benchmark_of("against_interval_figure"),
     params:
-        along="interval",
-        by="architecture",
+        figure="tracking.against_interval_figure",
+        arguments=["architecture"],
     message:
         "Drawing tracking against the tasking interval"
 
@@ -221,8 +221,8 @@ use rule against_targets_figure as estimators_against_targets_figure with:
         log_of("figures/estimators_against_targets"),
         times=benchmark_of("estimators_against_targets_figure"),
     params:
-        along="targets",
-        by="estimator",
+        figure="tracking.against_targets_figure",
+        arguments=["estimator"],
     message:
         "Drawing both estimators against the number of targets"
 
@@ -239,8 +239,8 @@ use rule against_targets_figure as estimators_against_interval_figure with:
         log_of("figures/estimators_against_interval"),
         times=benchmark_of("estimators_against_interval_figure"),
     params:
-        along="interval",
-        by="estimator",
+        figure="tracking.against_interval_figure",
+        arguments=["estimator"],
     message:
         "Drawing both estimators against the tasking interval"
 
@@ -262,11 +262,12 @@ rule tasking_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        variants=tasking_variants(TASK2),
+        figure="tracking.tasking_figure",
+        arguments=[tasking_variants(TASK2)],
     message:
         "Drawing the comparison of tasking methods"
     script:
-        "../scripts/figure_tasking_comparison.py"
+        "../scripts/figure.py"
 
 
 rule model_error_figure:
@@ -284,10 +285,12 @@ rule model_error_figure:
         times=benchmark_of("model_error_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="tracking.model_error_figure",
     message:
         "Drawing tracking by kind and size of the model error"
     script:
-        "../scripts/figure_model_error.py"
+        "../scripts/figure.py"
 
 
 rule pooled_figure:
@@ -305,10 +308,12 @@ rule pooled_figure:
         times=benchmark_of("pooled_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="tracking.pooled_figure",
     message:
         "Drawing the tracking of all targets by number of satellites"
     script:
-        "../scripts/figure_pooled.py"
+        "../scripts/figure.py"
 
 
 rule characterization_figure:
