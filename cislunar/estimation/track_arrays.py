@@ -59,18 +59,8 @@ def starting_index(index: int | None, present: int) -> int:
 
 
 def replaced_roots(root: Array, covariance: Array, tracks: ArrayLike) -> Array:
-    """Lower Cholesky factors of covariances in which those of the last states are replaced, without
-    correlation with the others.
-
-    Parameters
-    ----------
-    root : ndarray, shape (track, n, n)
-        Lower Cholesky factors.
-    covariance : ndarray, shape (changed, m, m)
-        New covariances of the last m states.
-    tracks : array_like of int, shape (changed,)
-        Tracks whose factors change.
-    """
+    """Lower Cholesky factors (track, n, n) in which, for some tracks, the covariance of the last m
+    states is replaced by a new one (changed, m, m), without correlation with the others."""
     out, m = root.copy(), covariance.shape[-1]
     # in units of the deviations, so that rounding cannot make a covariance indefinite
     scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -149,9 +149,9 @@ def widened(low: float, high: float) -> tuple[float, float]:
     return max(low, -0.1 * max(high, 2.0)), high if low > 0.0 else max(high, 2.0)
 
 
-def whole_numbers(axis: Axis, most: int = 4) -> None:
-    """Set ticks at whole numbers, with at most `most` steps between them."""
-    axis.set_major_locator(MaxNLocator(most, integer=True, min_n_ticks=1))
+def whole_numbers(axis: Axis) -> None:
+    """Set ticks at whole numbers, with at most four steps between them."""
+    axis.set_major_locator(MaxNLocator(4, integer=True, min_n_ticks=1))
 
 
 def set_vertical(axes: Axes, limits: tuple[float, float], *, log: bool) -> None:

@@ -46,19 +46,10 @@ Indices = NDArray[np.int64]
 
 
 class FieldObservations(NamedTuple):
-    """What the exposures of an interval have returned.
-
-    Attributes
-    ----------
-    exposures : Exposures
-    detections : Detections
-    command : ndarray of int, shape (exposure,)
-        Track that an exposure was to follow.
-    origin : ndarray of int, shape (row,)
-        Target of each detection, or `FALSE_ALARM`. It is hidden from association and estimators.
-    outcome : ndarray of uint8, shape (exposure,)
-        Detection outcome of the commanded track's target.
-    """
+    """What the exposures of an interval have returned: with `command` (exposure,), the track that
+    an exposure was to follow; `origin` (row,), the target of each detection or `FALSE_ALARM`, which
+    is hidden from association and estimators; and `outcome` (exposure,), that of the commanded
+    track's target."""
 
     exposures: Exposures
     detections: Detections
@@ -69,22 +60,11 @@ class FieldObservations(NamedTuple):
 
 class Associated(NamedTuple):
     """An interval after association: a row for each detection that a track has taken and for each
-    exposure in which a commanded track has none.
-
-    Attributes
-    ----------
-    measurements : Measurements
-    outcome : ndarray of uint8, shape (row,)
-    estimates : cislunar.estimation.estimator.Estimates
-    commanded, right : ndarray of bool, shape (row,)
-        Whether the exposure was to follow the track, and whether a detection is of the track's
-        target.
-    counts : ndarray of int, shape (target, 2)
-        Detections that a track has taken with a probability above a half, and those of them that
-        are of another origin.
-    origin : ndarray of int, shape (target,)
-        Target that most detections of a track are of, or `FALSE_ALARM`; -2 without a detection.
-    """
+    exposure in which a commanded track has none. `commanded` and `right` (row,): whether the
+    exposure was to follow the track, and whether the detection is of its target. `counts` (target,
+    2): detections that a track has taken with a probability above a half, and those of another
+    origin among them. `origin` (target,): target that most detections of a track are of, or
+    `FALSE_ALARM`; -2 without a detection."""
 
     measurements: Measurements
     outcome: NDArray[np.uint8]
@@ -119,22 +99,10 @@ def observe_field(
     motion: Truth,
     dimmed: Array,
 ) -> FieldObservations:
-    """Point the observers and simulate what their exposures return.
-
-    Parameters
-    ----------
-    inputs, own
-        Inputs and state of the realization.
-    start : int
-        Step before which the interval begins.
-    tasking : Decision
-    prediction : Prediction
-        On which the tasking is based; the commanded directions follow from it.
-    motion : Truth
-        True motion from the time before the first step on.
-    dimmed : ndarray, shape (target, time)
-        Dimming by the shadows of Earth and Moon, mag.
-    """
+    """Point the observers and simulate what their exposures return over an interval that begins
+    after the step `start`. The commanded directions follow from the prediction; the true `motion`
+    begins at the time before the first step, and `dimmed` (target, time) is its dimming by shadows,
+    mag."""
     scene, settings, model = inputs.scene, inputs.settings, inputs.settings.association
     command = tasking.target_by_step
     n_steps, n_observers = command.shape
@@ -186,17 +154,8 @@ def associate_interval(
     inputs: SimulationInputs, own: Realization, start: int, n_steps: int, field: FieldObservations
 ) -> Associated:
     """Associate the detections of an interval with tracks, window by window, and update the
-    estimates.
-
-    Parameters
-    ----------
-    inputs, own
-        Inputs and state of the realization, whose estimator and track status change.
-    start, n_steps : int
-        Step before which the interval begins, and its number of steps.
-    field : FieldObservations
-        Its origins are read only if identities are known, and to count wrong associations.
-    """
+    estimates and the status of the tracks. The origins of detections are read only if identities
+    are known, and to count wrong associations."""
     model = inputs.settings.association
     known, keep = model.method == KNOWN, "covariance" in inputs.settings.record
     commit = n_steps if known else model.committed_steps

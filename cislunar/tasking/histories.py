@@ -245,17 +245,9 @@ def histories_text() -> str:
 
 
 class ObservationLog(NamedTuple):
-    """All observations of a run, by seed, interval, target and step; arrays, shape (row, ...).
-
-    Attributes
-    ----------
-    seed, step, target, observer : ndarray of int
-        Indices; step 0 is the first measurement time.
-    value, variance : ndarray, shape (row, 3)
-        See `cislunar.observation.records.Measurements`; NaN where nothing was detected.
-    outcome : ndarray of uint8
-        Index into `cislunar.tasking.realization.OUTCOME_NAMES`.
-    """
+    """All observations of a run, by seed, interval, target and step; arrays, shape (row, ...). Step
+    0 is the first measurement time. `value` and `variance` (row, 3) are NaN where nothing was
+    detected; `outcome` is an index into `cislunar.tasking.realization.OUTCOME_NAMES`."""
 
     seed: NDArray[np.int64]
     step: NDArray[np.int64]
@@ -267,17 +259,9 @@ class ObservationLog(NamedTuple):
 
 
 class ManeuverLog(NamedTuple):
-    """True maneuvers of a run, by seed, start and target; arrays, shape (maneuver, ...).
-
-    Attributes
-    ----------
-    seed, target : ndarray of int
-        Indices.
-    start_s, duration_s : ndarray
-        Start since the start of the run, and duration, s; 0 for an impulse.
-    velocity_m_s : ndarray, shape (maneuver, 3)
-        Change of velocity, propagation frame, m/s.
-    """
+    """True maneuvers of a run, by seed, start and target; arrays, shape (maneuver, ...). Starts are
+    since the start of the run; the duration of an impulse is 0. `velocity_m_s` (maneuver, 3) is the
+    change of velocity, propagation frame."""
 
     seed: NDArray[np.int64]
     target: NDArray[np.int64]

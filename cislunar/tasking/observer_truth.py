@@ -33,13 +33,8 @@ Indices = NDArray[np.int64]
 
 
 class ObserverTruth(NamedTuple):
-    """True errors of the observers in a realization, true minus assumed values.
-
-    Attributes
-    ----------
-    error : ndarray, shape (observer, time, 6)
-        In the order of `OBSERVER_PARAMETERS`; nondimensional, rad and s.
-    """
+    """True errors (observer, time, 6) of the observers in a realization, true minus assumed values,
+    in the order of `OBSERVER_PARAMETERS`; nondimensional, rad and s."""
 
     error: Array
 
@@ -54,17 +49,8 @@ class ObserverTruth(NamedTuple):
         )
 
     def offsets(self, scene: Scene, observer: Indices, index: Indices, translation: Array) -> Array:
-        """Differences of measured from true angles without noise, shape (row, 2), rad.
-
-        Parameters
-        ----------
-        scene : Scene
-            With the true positions.
-        observer, index : ndarray of int, shape (row,)
-            Observer of each measurement, and its time, an index of the scene.
-        translation : ndarray, shape (row, 6)
-            True state of the measured target, nondimensional, propagation frame.
-        """
+        """Differences (row, 2), rad, of measured from true angles without noise, at time indices of
+        the `scene` with the true positions, of targets with true states (row, 6)."""
         error = self.error[observer, index]
         clock = error[:, 5] * (scene.step / scene.step_s)
         if not np.any(clock):
@@ -85,19 +71,9 @@ class ObserverTruth(NamedTuple):
         detections: Detections,
         origin: Indices,
     ) -> tuple[Detections, Indices]:
-        """Detections with the angles that the observers measure, and their origins.
-
-        Parameters
-        ----------
-        scene : Scene
-            With the true positions.
-        start : int
-            Index of the time before the first step.
-        translation : ndarray, shape (target, time, 6)
-            True states from that time on.
-        exposures, detections, origin
-            See `cislunar.detection.exposures.expose`, with angles relative to the true axes.
-        """
+        """Detections with the angles that the observers measure, and their origins. `translation`
+        are the true states (target, time, 6) from the index `start` on, the time before the first
+        step; detections have angles relative to the true axes."""
         step, observer = (each[detections.exposure] for each in exposures[:2])
         # a false alarm has no motion, so that the clock does not matter to it
         offset = self.error[observer, start + 1 + step][:, 3:5]
@@ -127,23 +103,10 @@ def shifted_angles(value: Array, offset: Array) -> Array:
 def draw_observer_errors(
     sigma: ObserverErrorSigma, constant: ArrayLike | None, scene: Scene, seed: int
 ) -> ObserverTruth | None:
-    """Sample the errors of the observers of a realization; None if there are none.
-
-    Parameters
-    ----------
-    sigma : ObserverErrorSigma
-        Standard deviations of constant errors and random walks.
-    constant : array_like, shape (observer, 6), or None
-        Constant errors in addition to the random ones; m, arcsec and s.
-    scene : Scene
-    seed : int
-        Seed of the realization, which with the index of an observer selects its random numbers.
-
-    Raises
-    ------
-    ConfigurationError
-        If `constant` has another shape or is not finite.
-    """
+    """Sample the errors of the observers of a realization; None if there are none. `constant`
+    (observer, 6) is added to the random errors; m, arcsec and s. The `seed` and the index of an
+    observer select its random numbers. ConfigurationError if `constant` has another shape or is not
+    finite."""
     n_observers, n_times = scene.observer_position.shape[:2]
     given = np.zeros((n_observers, N_PARAMETERS))
     if constant is not None:

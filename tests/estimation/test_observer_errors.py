@@ -294,6 +294,8 @@ def test_tracks_are_added_and_removed_with_their_sensitivities(case):
     after = estimator.orbits()
     np.testing.assert_array_equal(after.translation[:2], before.translation[1:])
     np.testing.assert_array_equal(after.covariance[:2], before.covariance[1:])
+    with pytest.raises(CislunarError, match="cannot be replaced"):
+        estimator.replace_orbits([0], after.translation[:1], after.covariance[:1])
 
 
 def test_a_prior_is_needed_and_values_are_checked(tmp_path):

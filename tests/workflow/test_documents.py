@@ -403,7 +403,6 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
     tables = {"objectives": objectives_block.study_table(tmp_path)}
     told = "| class DRO | 20 | \N{EN DASH} | \N{EN DASH} | 20.50 |"
     assert told in BLOCKS["objectives-generalization"](tables)
-    assert BLOCKS["objectives-elsewhere"](tables) == BLOCKS["objectives-generalization"](tables)
     own = lines_of("objectives-tracking", tables)[1]
     assert own.startswith("| 10 | maximum orbit information |")
     told = "0.50 [0.50, 0.50]"

@@ -208,6 +208,5 @@ OBJECTIVE_BLOCKS = {
     f"{STUDY}-ranks": _ranks,
     f"{STUDY}-designs": _designs,
     f"{STUDY}-generalization": _generalization,
-    f"{STUDY}-elsewhere": _generalization,
 }
-"""What makes the values of each block, by the block's name; the last is an older name."""
+"""What makes the values of each block, by the block's name."""

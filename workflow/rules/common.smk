@@ -152,6 +152,19 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
+def figure_files(name, caption):
+    """A figure as PNG, which is in the report, and as PDF."""
+    caption = f"../report/figure_{caption}.rst"
+    path = results(f"figures/{name}")
+    return {"png": report(f"{path}.png", caption, category="Figures"), "pdf": f"{path}.pdf"}
+
+
+def table_file(name, caption=""):
+    """A table in the report; by default its caption has the name of the table."""
+    caption = f"../report/{caption or name}.rst"
+    return report(results(f"tables/{name}.csv"), caption, category="Tables")
+
+
 def shared(name, scenario=None):
     """A data set that scenarios with the same settings share; by default that of a job's scenario."""
     if scenario is None:

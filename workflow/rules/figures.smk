@@ -6,45 +6,35 @@ LIBRARY_SCENARIO = min(
 RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
 
 
-rule orbit_library_figure:
-    input:
-        orbits=rules.families.output[0],
-        targets=results(f"targets/static_{LIBRARY_SCENARIO}.nc"),
-    output:
-        png=report(
-            results("figures/fig02_orbit_library.png"),
-            caption="../report/figure_orbit_library.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig02_orbit_library.pdf"),
-    log:
-        log_of("figures/orbit_library"),
-        times=benchmark_of("orbit_library_figure"),
-    conda:
-        "../envs/cislunar.yaml"
-    message:
-        "Drawing the orbit library with its targets"
-    script:
-        "../scripts/figure_orbit_library.py"
-
-
 rule facet_geometry_figure:
     output:
-        png=report(
-            results("figures/fig01_facet_geometry.png"),
-            caption="../report/figure_facet_geometry.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig01_facet_geometry.pdf"),
+        **figure_files("fig01_facet_geometry", "facet_geometry"),
     log:
         log_of("figures/facet_geometry"),
         times=benchmark_of("facet_geometry_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="space.facet_geometry_figure",
     message:
         "Drawing the reflection geometry of a facet"
     script:
-        "../scripts/figure_facet_geometry.py"
+        "../scripts/figure.py"
+
+
+use rule facet_geometry_figure as orbit_library_figure with:
+    input:
+        orbits=rules.families.output[0],
+        targets=results(f"targets/static_{LIBRARY_SCENARIO}.nc"),
+    output:
+        **figure_files("fig02_orbit_library", "orbit_library"),
+    log:
+        log_of("figures/orbit_library"),
+        times=benchmark_of("orbit_library_figure"),
+    params:
+        figure="space.orbit_library_figure",
+    message:
+        "Drawing the orbit library with its targets"
 
 
 rule tpe_orbits_figure:
@@ -53,12 +43,7 @@ rule tpe_orbits_figure:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/tpe.nc"), scenario=SCENARIOS),
     output:
-        png=report(
-            results("figures/fig03_tpe_orbits.png"),
-            caption="../report/figure_tpe_orbits.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig03_tpe_orbits.pdf"),
+        **figure_files("fig03_tpe_orbits", "tpe_orbits"),
     log:
         log_of("figures/tpe_orbits"),
         times=benchmark_of("tpe_orbits_figure"),
@@ -78,12 +63,7 @@ use rule tpe_orbits_figure as random_orbits_figure with:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/random.nc"), scenario=SCENARIOS),
     output:
-        png=report(
-            results("figures/fig04_random_orbits.png"),
-            caption="../report/figure_random_orbits.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig04_random_orbits.pdf"),
+        **figure_files("fig04_random_orbits", "random_orbits"),
     log:
         log_of("figures/random_orbits"),
         times=benchmark_of("random_orbits_figure"),
@@ -97,12 +77,7 @@ use rule tpe_orbits_figure as exact_orbits_figure with:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/exact.nc"), scenario=SCENARIOS),
     output:
-        png=report(
-            results("figures/fig09_exact_orbits.png"),
-            caption="../report/figure_exact_orbits.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig09_exact_orbits.pdf"),
+        **figure_files("fig09_exact_orbits", "exact_orbits"),
     log:
         log_of("figures/exact_orbits"),
         times=benchmark_of("exact_orbits_figure"),
@@ -116,12 +91,7 @@ rule satellite_front_figure:
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
         coverage=rules.architecture_table.output.architecture,
     output:
-        png=report(
-            results("figures/fig10_satellite_front.png"),
-            caption="../report/figure_satellite_front.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig10_satellite_front.pdf"),
+        **figure_files("fig10_satellite_front", "satellite_front"),
     log:
         log_of("figures/satellite_front"),
         times=benchmark_of("satellite_front_figure"),
@@ -138,12 +108,7 @@ rule objectives_figure:
         tables=expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
         tracking=[rules.tracking_tables.output.tracking] if CELLS else [],
     output:
-        png=report(
-            results("figures/objectives.png"),
-            caption="../report/figure_objectives.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/objectives.pdf"),
+        **figure_files("objectives", "objectives"),
     log:
         log_of("figures/objectives"),
         times=benchmark_of("objectives_figure"),
@@ -168,12 +133,7 @@ rule convergence_figure:
         ),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
-        png=report(
-            results("figures/fig11_convergence.png"),
-            caption="../report/figure_convergence.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig11_convergence.pdf"),
+        **figure_files("fig11_convergence", "convergence"),
     log:
         log_of("figures/convergence"),
         times=benchmark_of("convergence_figure"),
@@ -185,25 +145,18 @@ rule convergence_figure:
         "../scripts/figure_convergence.py"
 
 
-rule family_map_figure:
+use rule facet_geometry_figure as family_map_figure with:
     input:
         orbits=rules.families.output[0],
     output:
-        png=report(
-            results("figures/fig12_family_map.png"),
-            caption="../report/figure_family_map.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig12_family_map.pdf"),
+        **figure_files("fig12_family_map", "family_map"),
     log:
         log_of("figures/family_map"),
         times=benchmark_of("family_map_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        figure="space.family_map_figure",
     message:
         "Drawing the map of the family members"
-    script:
-        "../scripts/figure_family_map.py"
 
 
 rule orbits_page:

@@ -97,11 +97,7 @@ rule refined_orbits_table:
     input:
         expand(rules.refined_orbits.output, orbits=["families", "tracked"]),
     output:
-        report(
-            results("tables/refined_orbits.csv"),
-            caption="../report/refined_orbits.rst",
-            category="Tables",
-        ),
+        table_file("refined_orbits"),
     log:
         log_of("tables/refined_orbits"),
     conda:

@@ -21,11 +21,7 @@ rule sweep_table:
             for name in swept_scenarios(wildcards)
         ],
     output:
-        report(
-            results("tables/sweep_{sweep}.csv"),
-            caption="../report/sweep.rst",
-            category="Tables",
-        ),
+        table_file("sweep_{sweep}", "sweep"),
     log:
         log_of("tables/sweep_{sweep}"),
         times=benchmark_of("sweep_table/{sweep}"),
@@ -50,21 +46,18 @@ rule sweep_figure:
     input:
         rules.sweep_table.output[0],
     output:
-        png=report(
-            results("figures/sweep_{sweep}.png"),
-            caption="../report/figure_sweep.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/sweep_{sweep}.pdf"),
+        **figure_files("sweep_{sweep}", "sweep"),
     log:
         log_of("figures/sweep_{sweep}"),
         times=benchmark_of("sweep_figure/{sweep}"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="search.sweep_figure",
     message:
         "Drawing the sweep {wildcards.sweep}"
     script:
-        "../scripts/figure_sweep.py"
+        "../scripts/figure.py"
 
 
 # Association against known identities, over all sweeps of a study.
@@ -72,11 +65,7 @@ rule association_table:
     input:
         cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
     output:
-        report(
-            results("tables/association.csv"),
-            caption="../report/association.rst",
-            category="Tables",
-        ),
+        table_file("association"),
     log:
         log_of("tables/association"),
         times=benchmark_of("association_table"),
@@ -91,25 +80,18 @@ rule association_table:
         "../scripts/association_table.py"
 
 
-rule association_figure:
+use rule sweep_figure as association_figure with:
     input:
         rules.association_table.output[0],
     output:
-        png=report(
-            results("figures/association.png"),
-            caption="../report/figure_association.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/association.pdf"),
+        **figure_files("association", "association"),
     log:
         log_of("figures/association"),
         times=benchmark_of("association_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        figure="tracking.association_figure",
     message:
         "Drawing association against the number of false alarms"
-    script:
-        "../scripts/figure_association.py"
 
 
 rule association:
@@ -123,11 +105,7 @@ rule maneuver_table:
     input:
         cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
     output:
-        report(
-            results("tables/maneuvers.csv"),
-            caption="../report/maneuvers.rst",
-            category="Tables",
-        ),
+        table_file("maneuvers"),
     log:
         log_of("tables/maneuvers"),
         times=benchmark_of("maneuver_table"),
@@ -142,25 +120,18 @@ rule maneuver_table:
         "../scripts/maneuver_table.py"
 
 
-rule maneuver_figure:
+use rule sweep_figure as maneuver_figure with:
     input:
         rules.maneuver_table.output[0],
     output:
-        png=report(
-            results("figures/maneuvers.png"),
-            caption="../report/figure_maneuvers.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/maneuvers.pdf"),
+        **figure_files("maneuvers", "maneuvers"),
     log:
         log_of("figures/maneuvers"),
         times=benchmark_of("maneuver_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        figure="maneuvers.maneuver_figure",
     message:
         "Drawing detection and custody of targets that maneuver"
-    script:
-        "../scripts/figure_maneuvers.py"
 
 
 rule maneuvers:

@@ -12,16 +12,8 @@ rule architecture_table:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
-        architecture=report(
-            results("tables/architecture.csv"),
-            caption="../report/architecture.rst",
-            category="Tables",
-        ),
-        near_optimal=report(
-            results("tables/near_optimal.csv"),
-            caption="../report/near_optimal.rst",
-            category="Tables",
-        ),
+        architecture=table_file("architecture"),
+        near_optimal=table_file("near_optimal"),
     log:
         log_of("tables/architecture"),
         times=benchmark_of("architecture_table"),
@@ -46,11 +38,7 @@ rule observers_table:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(rules.own_architecture.output, scenario=SCENARIOS, observers=OBSERVERS),
     output:
-        report(
-            results("tables/observers.csv"),
-            caption="../report/observers.rst",
-            category="Tables",
-        ),
+        table_file("observers"),
     log:
         log_of("tables/observers"),
         times=benchmark_of("observers_table"),
@@ -85,11 +73,7 @@ rule objectives_table:
             map(orbits_file, judged_architectures(wildcards.scenario))
         ),
     output:
-        report(
-            results("tables/objectives_{scenario}.csv"),
-            caption="../report/objectives.rst",
-            category="Tables",
-        ),
+        table_file("objectives_{scenario}", "objectives"),
     log:
         log_of("tables/objectives_{scenario}"),
         times=benchmark_of("objectives_table/{scenario}"),
@@ -113,11 +97,7 @@ rule generalization_table:
         sun=shared("ephemeris/sun"),
         mesh=objective_mesh,
     output:
-        report(
-            results("tables/objectives_elsewhere_{scenario}.csv"),
-            caption="../report/objectives_generalization.rst",
-            category="Tables",
-        ),
+        table_file("objectives_elsewhere_{scenario}", "objectives_generalization"),
     log:
         log_of("tables/objectives_elsewhere_{scenario}"),
         times=benchmark_of("generalization_table/{scenario}"),
@@ -147,11 +127,7 @@ rule label_comparison:
             run=RUNS,
         ),
     output:
-        report(
-            results("tables/label_comparison.csv"),
-            caption="../report/label_comparison.rst",
-            category="Tables",
-        ),
+        table_file("label_comparison"),
     log:
         log_of("tables/label_comparison"),
     conda:
@@ -168,11 +144,7 @@ rule readings:
         orbits=rules.families.output[0],
         sun=lambda wildcards: shared("ephemeris/sun", READ),
     output:
-        report(
-            results("tables/readings_architecture.csv"),
-            caption="../report/readings_architecture.rst",
-            category="Tables",
-        ),
+        table_file("readings_architecture"),
     log:
         log_of("tables/readings_architecture"),
         times=benchmark_of("readings"),

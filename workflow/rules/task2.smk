@@ -205,11 +205,7 @@ rule pooled_table:
     input:
         SUMMARY,
     output:
-        report(
-            results("tables/pooled.csv"),
-            caption="../report/pooled.rst",
-            category="Tables",
-        ),
+        table_file("pooled"),
     log:
         log_of("tables/pooled"),
     conda:
@@ -227,11 +223,7 @@ rule objective_ranks:
         tracking=rules.tracking_tables.output.tracking,
         objectives=expand(rules.objectives_table.output, scenario=JUDGED),
     output:
-        report(
-            results("tables/objective_ranks.csv"),
-            caption="../report/objective_ranks.rst",
-            category="Tables",
-        ),
+        table_file("objective_ranks"),
     log:
         log_of("tables/objective_ranks"),
     conda:
@@ -246,11 +238,7 @@ rule model_error_table:
     input:
         SUMMARY,
     output:
-        report(
-            results("tables/model_error.csv"),
-            caption="../report/model_error.rst",
-            category="Tables",
-        ),
+        table_file("model_error"),
     log:
         log_of("tables/model_error"),
     conda:
@@ -335,11 +323,7 @@ rule paper_vs_ours:
         rules.architecture_claims.output,
         rules.tracking_claims.output[0] if CELLS else [],
     output:
-        report(
-            results("tables/{extent}paper_vs_ours.csv"),
-            caption="../report/paper_vs_ours.rst",
-            category="Tables",
-        ),
+        table_file("{extent}paper_vs_ours", "paper_vs_ours"),
     log:
         log_of("tables/{extent}paper_vs_ours"),
     conda:
@@ -352,11 +336,7 @@ rule paper_vs_ours:
 
 rule photometry_table:
     output:
-        report(
-            results("tables/photometry.csv"),
-            caption="../report/photometry.rst",
-            category="Tables",
-        ),
+        table_file("photometry"),
     log:
         log_of("tables/photometry"),
     conda:

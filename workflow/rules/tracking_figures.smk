@@ -40,12 +40,7 @@ rule target_counts_figure:
             results(cell.path) for column in COUNT_COLUMNS[wildcards.of] for cell in column
         ],
     output:
-        png=report(
-            results("figures/fig05_target_counts{of}.png"),
-            caption="../report/figure_target_counts.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig05_target_counts{of}.pdf"),
+        **figure_files("fig05_target_counts{of}", "target_counts"),
     log:
         log_of("figures/target_counts{of}"),
         times=benchmark_of("target_counts_figure/figure{of}"),
@@ -64,12 +59,7 @@ rule selected_targets_figure:
     input:
         lambda wildcards: [results(cell.path) for cell in SELECTED_CELL[wildcards.of]],
     output:
-        png=report(
-            results("figures/fig06_selected_targets{of}.png"),
-            caption="../report/figure_selected_targets.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig06_selected_targets{of}.pdf"),
+        **figure_files("fig06_selected_targets{of}", "selected_targets"),
     log:
         log_of("figures/selected_targets{of}"),
         times=benchmark_of("selected_targets_figure/figure{of}"),
@@ -86,12 +76,7 @@ rule selected_targets_figure:
 
 use rule selected_targets_figure as components_figure with:
     output:
-        png=report(
-            results("figures/fig06_components{of}.png"),
-            caption="../report/figure_components.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig06_components{of}.pdf"),
+        **figure_files("fig06_components{of}", "components"),
     log:
         log_of("figures/components{of}"),
         times=benchmark_of("components_figure/figure{of}"),
@@ -108,12 +93,7 @@ use rule target_counts_figure as intervals_figure with:
             results(cell.path) for column in INTERVAL_COLUMNS[wildcards.of] for cell in column
         ],
     output:
-        png=report(
-            results("figures/fig07_intervals{of}.png"),
-            caption="../report/figure_intervals.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig07_intervals{of}.pdf"),
+        **figure_files("fig07_intervals{of}", "intervals"),
     log:
         log_of("figures/intervals{of}"),
         times=benchmark_of("intervals_figure/figure{of}"),
@@ -128,12 +108,7 @@ use rule target_counts_figure as high_load_figure with:
     input:
         lambda wildcards: [results(cell.path) for cell in HIGH_LOAD[wildcards.of]],
     output:
-        png=report(
-            results("figures/fig08_intervals_high_load{of}.png"),
-            caption="../report/figure_intervals_high_load.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig08_intervals_high_load{of}.pdf"),
+        **figure_files("fig08_intervals_high_load{of}", "intervals_high_load"),
     log:
         log_of("figures/intervals_high_load{of}"),
         times=benchmark_of("high_load_figure/figure{of}"),
@@ -148,12 +123,7 @@ rule representative_target_figure:
     input:
         lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
     output:
-        png=report(
-            results("figures/fig08_representative_target{of}.png"),
-            caption="../report/figure_representative_target.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig08_representative_target{of}.pdf"),
+        **figure_files("fig08_representative_target{of}", "representative_target"),
     log:
         log_of("figures/representative_target{of}"),
         times=benchmark_of("representative_target_figure/figure{of}"),
@@ -171,156 +141,113 @@ rule against_targets_figure:
     input:
         SUMMARY,
     output:
-        png=report(
-            results("figures/fig13_tracking_against_targets.png"),
-            caption="../report/figure_tracking_against_targets.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig13_tracking_against_targets.pdf"),
+        **figure_files("fig13_tracking_against_targets", "tracking_against_targets"),
     log:
         log_of("figures/tracking_against_targets"),
         times=benchmark_of("against_targets_figure"),
     conda:
         "../envs/cislunar.yaml"
     params:
-        along="targets",
-        by="architecture",
+        figure="tracking.against_targets_figure",
+        arguments=["architecture"],
     message:
         "Drawing tracking against the number of targets"
     script:
-        "../scripts/figure_trends.py"
+        "../scripts/figure.py"
 
 
 use rule against_targets_figure as against_interval_figure with:
     output:
-        png=report(
-            results("figures/fig14_tracking_against_interval.png"),
-            caption="../report/figure_tracking_against_interval.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig14_tracking_against_interval.pdf"),
+        **figure_files("fig14_tracking_against_interval", "tracking_against_interval"),
     log:
         log_of("figures/tracking_against_interval"),
         times=benchmark_of("against_interval_figure"),
     params:
-        along="interval",
-        by="architecture",
+        figure="tracking.against_interval_figure",
+        arguments=["architecture"],
     message:
         "Drawing tracking against the tasking interval"
 
 
 use rule against_targets_figure as estimators_against_targets_figure with:
     output:
-        png=report(
-            results("figures/fig16_estimators_against_targets.png"),
-            caption="../report/figure_estimators_against_targets.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig16_estimators_against_targets.pdf"),
+        **figure_files("fig16_estimators_against_targets", "estimators_against_targets"),
     log:
         log_of("figures/estimators_against_targets"),
         times=benchmark_of("estimators_against_targets_figure"),
     params:
-        along="targets",
-        by="estimator",
+        figure="tracking.against_targets_figure",
+        arguments=["estimator"],
     message:
         "Drawing both estimators against the number of targets"
 
 
 use rule against_targets_figure as estimators_against_interval_figure with:
     output:
-        png=report(
-            results("figures/fig17_estimators_against_interval.png"),
-            caption="../report/figure_estimators_against_interval.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig17_estimators_against_interval.pdf"),
+        **figure_files("fig17_estimators_against_interval", "estimators_against_interval"),
     log:
         log_of("figures/estimators_against_interval"),
         times=benchmark_of("estimators_against_interval_figure"),
     params:
-        along="interval",
-        by="estimator",
+        figure="tracking.against_interval_figure",
+        arguments=["estimator"],
     message:
         "Drawing both estimators against the tasking interval"
 
 
-rule tasking_figure:
+use rule against_targets_figure as tasking_figure with:
     input:
         compared=rules.tasking_comparison.output[0],
         summary=SUMMARY,
     output:
-        png=report(
-            results("figures/fig15_tasking_comparison.png"),
-            caption="../report/figure_tasking_comparison.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig15_tasking_comparison.pdf"),
+        **figure_files("fig15_tasking_comparison", "tasking_comparison"),
     log:
         log_of("figures/tasking_comparison"),
         times=benchmark_of("tasking_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        variants=tasking_variants(TASK2),
+        figure="tracking.tasking_figure",
+        arguments=[tasking_variants(TASK2)],
     message:
         "Drawing the comparison of tasking methods"
-    script:
-        "../scripts/figure_tasking_comparison.py"
 
 
 rule model_error_figure:
     input:
         rules.model_error_table.output[0],
     output:
-        png=report(
-            results("figures/fig18_model_error.png"),
-            caption="../report/figure_model_error.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig18_model_error.pdf"),
+        **figure_files("fig18_model_error", "model_error"),
     log:
         log_of("figures/model_error"),
         times=benchmark_of("model_error_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        figure="tracking.model_error_figure",
     message:
         "Drawing tracking by kind and size of the model error"
     script:
-        "../scripts/figure_model_error.py"
+        "../scripts/figure.py"
 
 
-rule pooled_figure:
+use rule model_error_figure as pooled_figure with:
     input:
         rules.pooled_table.output[0],
     output:
-        png=report(
-            results("figures/pooled.png"),
-            caption="../report/figure_pooled.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/pooled.pdf"),
+        **figure_files("pooled", "pooled"),
     log:
         log_of("figures/pooled"),
         times=benchmark_of("pooled_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        figure="tracking.pooled_figure",
     message:
         "Drawing the tracking of all targets by number of satellites"
-    script:
-        "../scripts/figure_pooled.py"
 
 
 rule characterization_figure:
     input:
         lambda wildcards: [results(cell.path) for cell in CHARACTERIZED[wildcards.characterized]],
     output:
-        png=report(
-            results("figures/characterization/{characterized}.png"),
-            caption="../report/figure_characterization.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/characterization/{characterized}.pdf"),
+        **figure_files("characterization/{characterized}", "characterization"),
     log:
         log_of("figures/characterization/{characterized}"),
         times=benchmark_of("characterization_figure/{characterized}"),
@@ -343,12 +270,7 @@ rule learned_figure:
     input:
         [results(cell.path) for cell in LEARNED],
     output:
-        png=report(
-            results("figures/fig19_learned.png"),
-            caption="../report/figure_learned.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/fig19_learned.pdf"),
+        **figure_files("fig19_learned", "learned"),
     log:
         log_of("figures/learned"),
         times=benchmark_of("learned_figure"),

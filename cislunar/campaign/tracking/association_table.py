@@ -37,17 +37,10 @@ _COUNTS += ("beyond_custody",)
 
 
 def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float) -> pd.DataFrame:
-    """Rows of the table.
-
-    Parameters
-    ----------
-    cells : sequence of (Cell, Dataset)
-        Cells with the metrics of `cislunar.campaign.tracking.summary.read_cell_metrics`.
-    custody_km : float
-        Position error, root mean square over the final hours, above which a target is beyond
-        custody. A track is lost by association if its target is, but not with known identities,
-        and it has taken a wrong detection.
-    """
+    """Rows of the table, from cells with the metrics of `read_cell_metrics`. A target is beyond
+    custody if its position error, root mean square over the final hours, is above `custody_km`. A
+    track is lost by association if its target is, but not with known identities, and it has taken a
+    wrong detection."""
     found = [_described(cell, data, custody_km) for cell, data in cells]
     known = {_reference(place): values for place, values in found if place["associator"] == KNOWN}
     rows = []

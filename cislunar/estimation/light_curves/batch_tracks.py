@@ -23,19 +23,10 @@ Array = NDArray[np.float64]
 
 
 class BatchTracks(NamedTuple):
-    """State of all targets: arrays by target, and lists of what belongs to one target.
-
-    Attributes
-    ----------
-    translation, root, mixture, counters
-        Orbit filter: means (target, 6), roots (target, 6, 6), mixtures and counters (target, 4).
-    fit : FitState
-    models, hypotheses, rngs, points, data
-        Fit of the light curve: model, modes, generator of random starts, points of the mixture and
-        rows.
-    selections
-        Selected models of the bodies, None without any.
-    """
+    """State of all targets: arrays by target, and lists of what belongs to one target. The orbit
+    filter has means (target, 6), roots (target, 6, 6), mixtures and counters (target, 4); the fit
+    of a light curve its model, modes, generator of random starts, points of the mixture, rows, and
+    the selected model of the body, None without any."""
 
     translation: Array
     root: Array

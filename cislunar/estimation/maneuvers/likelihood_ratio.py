@@ -110,11 +110,11 @@ def _estimates(
     )
 
 
-def _impulse_at(own: tuple[Array, Array, Array], slot: int) -> None:
-    """Begin a hypothesis of all targets."""
+def _begin_impulse(own: tuple[Array, Array, Array]) -> None:
+    """Begin the first hypothesis of all targets."""
     sensitivity, gradient, information = own
-    sensitivity[:, slot], gradient[:, slot], information[:, slot] = 0.0, 0.0, 0.0
-    sensitivity[:, slot, 3:] = np.eye(3)
+    sensitivity[:, 0], gradient[:, 0], information[:, 0] = 0.0, 0.0, 0.0
+    sensitivity[:, 0, 3:] = np.eye(3)
 
 
 class ManeuverTest:
@@ -161,7 +161,7 @@ class ManeuverTest:
         self._process = noise_of_step(process_noise, scene.step_s)
         # within the window are as many hypothesized times as intervals, and one
         self._own = _arrays(n_targets, 1 + int(window * 60.0 / minutes + 1e-9))
-        _impulse_at(self._own, 0)
+        _begin_impulse(self._own)
 
     def advance(
         self, start: OrbitEstimates, measurements: Measurements, found: Estimates
@@ -306,7 +306,7 @@ def planned_information(
     if spacing < 1:
         raise ConfigurationError(f"spacing_minutes = {minutes:g} is shorter than a step")
     own = _arrays(states.shape[0], n_steps // spacing + 1)
-    _impulse_at(own, 0)
+    _begin_impulse(own)
     n_rows, n_targets = variance.size, states.shape[0]
     whitened = np.zeros((n_rows, own[1].shape[1], 2, 3))
     records = Measurements(

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.estimation.estimator import Estimates, Estimator, InitialEstimate
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverEstimates, ManeuverTest
+from cislunar.estimation.wrapped_estimator import WrappedEstimator
 from cislunar.observation.records import Measurements
 from cislunar.observation.target_surfaces import TargetSurfaces
 
 
-class MonitoredEstimator:
+class MonitoredEstimator(WrappedEstimator):
     """An `Estimator` that runs another one, whose estimates it does not change, and tests them.
-
-    It has all attributes of the other one.
 
     Parameters
     ----------
@@ -27,13 +24,9 @@ class MonitoredEstimator:
     """
 
     def __init__(self, inner: Estimator, test: ManeuverTest, threshold: float) -> None:
-        self._inner, self._test, self.maneuver_threshold = inner, test, threshold
+        super().__init__(inner)
+        self._test, self.maneuver_threshold = test, threshold
         self._largest: ManeuverEstimates | None = None
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # while a copy is made there is no inner estimator yet
-            raise AttributeError(name)
-        return getattr(self._inner, name)
 
     def advance(
         self,

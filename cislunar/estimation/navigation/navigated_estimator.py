@@ -47,6 +47,7 @@ from threadpoolctl import threadpool_limits
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.forces import of_targets
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
     Estimates,
@@ -67,7 +68,7 @@ from cislunar.estimation.navigation.errors import (
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.estimation.navigation.schmidt import consider
 from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.estimation.wrapped_estimator import WrappedEstimator
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
@@ -83,7 +84,7 @@ _LARGEST_BEND = 0.1
 of the orbit given the errors, with which their correlation counts as linear."""
 
 
-class NavigatedEstimator:
+class NavigatedEstimator(WrappedEstimator):
     """An `Estimator` that runs another one and treats the errors of its observers.
 
     Parameters
@@ -113,6 +114,7 @@ class NavigatedEstimator:
         process_noise: ProcessNoise | None,
         n_targets: int,
     ) -> None:
+        super().__init__(inner)
         constant, walk = sigma.constant(), sigma.walk()
         scale = np.hypot(constant, walk)
         some = np.flatnonzero(scale > 0.0)
@@ -123,7 +125,7 @@ class NavigatedEstimator:
         )
         process = np.diag(variance[6:])
         process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
-        self._inner, self._scene, self._forces = inner, scene, forces
+        self._scene, self._forces = scene, forces
         self._calibrated = treatment == "calibrated"
         self._model = ObserverModel(
             column,
@@ -145,39 +147,6 @@ class NavigatedEstimator:
         # of the estimates less those of the inner estimator
         self._shift = np.zeros((n_targets, SIZE))
         self._spread = np.zeros((n_targets, SIZE, SIZE))
-
-    @property
-    def failed(self) -> NDArray[np.uint8]:
-        """See `Estimator.failed`."""
-        return self._inner.failed
-
-    @property
-    def counters(self) -> NDArray[np.int64]:
-        """See `Estimator.counters`."""
-        return self._inner.counters
-
-    @property
-    def estimated_parameters(self) -> BodyParameterPrior:
-        """See `Estimator.estimated_parameters`."""
-        return self._inner.estimated_parameters
-
-    @property
-    def searches(self) -> NDArray[np.int64]:
-        """See `cislunar.estimation.light_curves.batch.BatchEstimator.searches`."""
-        return self._inner.searches
-
-    @property
-    def attitude_status(self) -> NDArray[np.int64]:
-        """See `cislunar.estimation.light_curves.batch.BatchEstimator.attitude_status`."""
-        return self._inner.attitude_status
-
-    def characterizations(self, rngs: list[np.random.Generator]) -> list:
-        """See `cislunar.estimation.light_curves.batch.BatchEstimator.characterizations`."""
-        return self._inner.characterizations(rngs)
-
-    def learned(self) -> tuple[Array, Array]:
-        """See `cislunar.estimation.light_curves.batch.BatchEstimator.learned`."""
-        return self._inner.learned()
 
     def observers(self) -> ObserverEstimate:
         """Estimated errors of the observers at the time of the last processed step."""
@@ -366,9 +335,11 @@ class NavigatedEstimator:
         self._sensitivity[corrected] = self._sensitivity[corrected] @ kept
         self._spread = self._of_errors(self._covariance)
 
-    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
-        """See `Estimator.correct`."""
-        return self._inner.correct(shift, covariance)
+    def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
+        """Raise ConfigurationError: orbits with errors of observers cannot be replaced."""
+        raise ConfigurationError(
+            "orbits cannot be replaced where errors of observers are treated; choose one of both"
+        )
 
     def add(
         self,

@@ -20,9 +20,9 @@ _GAP_IN, _TEXT_IN = 0.06, 0.36
 _SMALL = {"fontsize": 6.2, "pad": 2.0, "linespacing": 1.15}
 
 
-def power_of_ten(value: float, digits: int = 3) -> str:
+def power_of_ten(value: float) -> str:
     """A number as mathematical text, such as 1.51 x 10^-4."""
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    mantissa, exponent = f"{value:.2e}".split("e")
     return rf"${mantissa}\times10^{{{int(exponent)}}}$"
 
 

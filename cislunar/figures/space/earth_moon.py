@@ -33,35 +33,29 @@ def bodies(mu: float) -> Mapping[str, tuple[Array, str]]:
     }
 
 
-_SCALES = {"Earth": 1.0, "Moon": 0.67}
+_SIZES = {"Earth": 5.0, "Moon": 5.0 * 0.67}
+"""Diameters of the markers, points."""
 
 
 def draw_bodies(
-    axes: Axes,
-    mu: float,
-    plane: Sequence[int],
-    bounds: Array,
-    size: float = 5.0,
-    scale: float = 1.0,
+    axes: Axes, mu: float, plane: Sequence[int], bounds: Array, scale: float = 1.0
 ) -> None:
-    """Mark the Earth (blue) and the Moon (black) if they are within bounds, not to scale.
-
-    `plane` holds the coordinates shown, e.g. (0, 2) for x and z; `size` is the diameter of the
-    Earth's marker, points, and `scale` the unit of length in that of the axes.
-    """
+    """Mark the Earth (blue) and the Moon (black) if they are within bounds, not to scale. `plane`
+    holds the coordinates shown, e.g. (0, 2) for x and z; `scale` is the unit of length in that of
+    the axes."""
     for name, (place, color) in bodies(mu).items():
         if np.any(place < bounds[:, 0]) or np.any(place > bounds[:, 1]):
             continue
-        drawn = {"linestyle": "none", "marker": "o", "markersize": size * _SCALES[name]}
+        drawn = {"linestyle": "none", "marker": "o", "markersize": _SIZES[name]}
         drawn |= {"markeredgecolor": "white", "markeredgewidth": 0.4}
         axes.plot(*([scale * place[k]] for k in plane), color=color, zorder=10, label=name, **drawn)
 
 
-def body_handles(size: float = 5.0) -> list[Line2D]:
+def body_handles() -> list[Line2D]:
     """Legend entries of the Earth and the Moon."""
     dot = {"linestyle": "none", "marker": "o"}
     return [
-        Line2D([], [], markersize=size * _SCALES[name], color=color, label=name, **dot)
+        Line2D([], [], markersize=_SIZES[name], color=color, label=name, **dot)
         for name, (_, color) in bodies(0.0).items()
     ]
 

@@ -29,10 +29,10 @@ def direction(zenith_deg: float, azimuth_deg: float) -> Array:
     return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(zenith)])
 
 
-def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -> Array:
-    """Circular arc between two unit vectors, shape (samples, 3)."""
+def arc_between(first: Array, second: Array, radius: float) -> Array:
+    """Circular arc between two unit vectors, shape (40, 3)."""
     angle = np.arccos(np.clip(first @ second, -1.0, 1.0))
-    share = np.linspace(0.0, 1.0, samples)[:, None]
+    share = np.linspace(0.0, 1.0, 40)[:, None]
     arc = np.sin((1 - share) * angle) * first + np.sin(share * angle) * second
     return radius * arc / np.sin(angle)
 

@@ -49,7 +49,7 @@ LEAST = {"color": style.VERMILION, "linewidth": 0.8, "linestyle": style.DASHED}
 SINGLE = ErrorStyle(style.BLACK, style.SKY)
 
 
-def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]:
+def selected_targets(cell: xr.Dataset) -> dict[int, str]:
     """Indices of a few targets that show what happens in a cell, with the reason for each.
 
     They are the tracked targets with the best and the median final attitude error, one of
@@ -74,9 +74,9 @@ def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]
     if unseen.size:
         chosen[int(unseen[0])] = "never observed"
     rest = [int(index) for index in tracked[::-1] if int(index) not in chosen]
-    for index in rest[: max(0, number - len(chosen))]:
+    for index in rest[: max(0, SELECTED - len(chosen))]:
         chosen[index] = "poorest attitude" if index == int(tracked[-1]) else "poor attitude"
-    return dict(list(chosen.items())[:number])
+    return dict(list(chosen.items())[:SELECTED])
 
 
 def representative_target(first: xr.Dataset, second: xr.Dataset) -> int | None:

@@ -48,15 +48,8 @@ _NORMALIZED = slice(6, 12)
 
 
 def maneuver_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float) -> pd.DataFrame:
-    """Rows of the table.
-
-    Parameters
-    ----------
-    cells : sequence of (Cell, Dataset)
-        Cells with `errors` among the histories and the truth in the record.
-    custody_km : float
-        Largest position error in custody.
-    """
+    """Rows of the table, from cells with `errors` among the histories and the truth in the record;
+    `custody_km` is the largest position error in custody."""
     rows: list[dict[str, Any]] = []
     for cell, data in cells:
         place = _place(cell, data)

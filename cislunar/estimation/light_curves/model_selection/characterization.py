@@ -117,23 +117,9 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
 
 
 def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> tuple[Array, Array]:
-    """Facet sums that correspond to magnitudes, and those of a diffuse sphere whose cross-section
-    times albedo is 1 m^2.
-
-    Parameters
-    ----------
-    magnitude : ndarray, shape (n,)
-    data : ndarray, shape (n, COLUMNS)
-        Geometry, see `cislunar.estimation.light_curves.light_curve.cost`.
-    irradiance_4pi : bool
-        See `cislunar.photometry.materials.PhotometryModel`.
-
-    Returns
-    -------
-    total, sphere : ndarray, shape (n,)
-        m^2 and dimensionless. A sphere reflects 2 / (3 pi) Phi(alpha) of its cross-section times
-        albedo (Paul & Fan, eqs. 18, 19).
-    """
+    """Facet sums (n,), m^2, that correspond to magnitudes in the geometry of the rows `data`, and
+    those of a diffuse sphere whose cross-section times albedo is 1 m^2: it reflects 2 / (3 pi)
+    Phi(alpha) of that (Paul & Fan, eqs. 18, 19)."""
     spread = np.pi * data[:, RANGE] ** 2 * (4.0 * np.pi if irradiance_4pi else 1.0)
     total = 10.0 ** (-0.4 * (magnitude - SUN_APPARENT_MAGNITUDE)) * spread
     total = np.where(magnitude < FLOOR_MAGNITUDE, total, 0.0)

@@ -66,17 +66,8 @@ _SMALLEST_DECREASE = 0.02
 
 
 class Bins(NamedTuple):
-    """Groups of rows.
-
-    Attributes
-    ----------
-    order : ndarray of int, shape (n,)
-        Rows in the order of their bins.
-    first : ndarray of int, shape (bin,)
-        Index in `order` of the first row of each bin.
-    weight : ndarray, shape (bin,)
-        Sum of the weights of the rows of each bin.
-    """
+    """Groups of rows: `order` (n,), rows in the order of their bins; `first` (bin,), index in
+    `order` of the first row of each bin; `weight` (bin,), sum of the weights of its rows."""
 
     order: NDArray[np.int64]
     first: NDArray[np.int64]
@@ -107,21 +98,9 @@ class ModelError(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """A minimum of a cost.
-
-    Attributes
-    ----------
-    u : ndarray, shape (p,)
-        Parameters in prior standard deviations.
-    information : ndarray, shape (p, p)
-        Gauss-Newton matrix.
-    log_evidence : float
-        Laplace's approximation of the logarithm of the evidence, up to a constant.
-    noise_factor : float
-        Factor on the noise variance.
-    tau : float
-        Standard deviation of the model error, mag.
-    """
+    """A minimum of a cost: parameters `u` (p,) in prior standard deviations, Gauss-Newton matrix,
+    Laplace's approximation of the logarithm of the evidence up to a constant, factor on the noise
+    variance, and standard deviation `tau` of the model error, mag."""
 
     u: Array
     information: Array
@@ -131,22 +110,9 @@ class Minimum(NamedTuple):
 
 
 def bins_of_rows(data: Array, most: int) -> Bins:
-    """Bins of a light curve, about `most` for a light curve without gaps.
-
-    A bin has rows of one observer, recognized by its direction, within 15 minutes. Rows of several
-    observers have different directions, and so different model errors.
-
-    Parameters
-    ----------
-    data : ndarray, shape (n, COLUMNS)
-        Detections of a light curve in the order of time.
-    most : int
-        Desired number of bins.
-
-    Returns
-    -------
-    Bins
-    """
+    """Bins of the detections of a light curve in the order of time, about `most` for one without
+    gaps. A bin has rows of one observer, recognized by its direction, within 15 minutes. Rows of
+    several observers have different directions, and so different model errors."""
     capacity = -(-len(data) // most)
     number = np.empty(len(data), dtype=np.int64)
     open_bins: list[list[int]] = []  # number, first row, rows so far
@@ -171,22 +137,10 @@ def bins_of_rows(data: Array, most: int) -> Bins:
 
 
 class CorrelatedFit:
-    """Cost of a light curve with a correlated model error, for one model of the body.
-
-    Parameters
-    ----------
-    data : ndarray, shape (n, COLUMNS)
-        Detections of a light curve.
-    bins : Bins
-    model : LightCurveModel
-    error : ModelError
-    noise_factor : float
-        Factor on the noise variance of the model, with which its estimation begins, if it is
-        estimated.
-    limits : tuple of float, optional
-        Standard deviations of the model error between which it is estimated, beginning with that of
-        `error`; the evidence is then averaged over the logarithm. Known if omitted.
-    """
+    """Cost of the detections of a light curve with a correlated model error, for one model of the
+    body. An estimated factor on the noise variance begins with `noise_factor`. The standard
+    deviation of the model error is known, or estimated between `limits`, beginning with that of
+    `error`; the evidence is then averaged over its logarithm."""
 
     def __init__(
         self,

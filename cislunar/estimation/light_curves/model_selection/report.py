@@ -26,20 +26,9 @@ _FRAME_ANGLE = np.sqrt(3.0) * _FRAME_SIGMA
 
 
 class RotationPoints(NamedTuple):
-    """Weighted points of a rotation at a time, which have the mean and covariance of a mixture.
-
-    Attributes
-    ----------
-    quaternion : ndarray, shape (n, 4)
-        Attitudes, inertial to body frame, scalar last.
-    omega : ndarray, shape (n, 3)
-        Angular velocities, body frame, rad/s.
-    weight : ndarray, shape (n,)
-    deviations : ndarray, shape (n, m)
-        Deviations of inertia and torque.
-    mode : ndarray of int, shape (n,)
-        Number of the mode of each point.
-    """
+    """Weighted points of a rotation at a time, which have the mean and covariance of a mixture:
+    attitudes (n, 4), inertial to body frame; angular velocities (n, 3), body frame, rad/s; weights;
+    `deviations` (n, m) of inertia and torque; and the number of the mode of each point."""
 
     quaternion: Array
     omega: Array

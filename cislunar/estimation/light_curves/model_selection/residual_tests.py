@@ -30,26 +30,10 @@ LEVEL = 1e-3
 
 
 def p_values(residual: Array, data: Array, variance: float, freedom: float, fitted: int) -> Array:
-    """Probabilities of residuals that are at least as large or as correlated.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-        Measured minus predicted magnitudes.
-    data : ndarray, shape (n, COLUMNS)
-        Rows in the order of time, see `cislunar.estimation.light_curves.light_curve.cost`.
-    variance : float
-        Variance of a row of weight 1, mag^2.
-    freedom : float
-        Number of measurements as from which the variance is known; 0 if it is known exactly.
-    fitted : int
-        Number of estimated parameters.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Of size, groups and lag; 1 where there are too few rows for a test.
-    """
+    """Probabilities (3,) of residuals that are at least as large or as correlated: of size, groups
+    and lag; 1 where there are too few rows for a test. `variance` is that of a row of weight 1,
+    mag^2, known as from `freedom` measurements (0 if exactly), and `fitted` the number of estimated
+    parameters."""
     n = len(residual)
     standard = residual * np.sqrt(data[:, WEIGHT] / variance)
     found, left = np.ones(3), max(n - fitted, 1)
