@@ -179,7 +179,12 @@ def _path_offset(time, fixed, sigma, acceleration, chain, row) -> float:
 
 
 def attributables(
-    angles: Angles, tracklets: Sequence[ArrayLike], *, rate: float = 1.0, degree: int | None = None
+    angles: Angles,
+    tracklets: Sequence[ArrayLike],
+    *,
+    rate: float = 1.0,
+    degree: int | None = None,
+    known: Attributables | None = None,
 ) -> Attributables:
     """Fit the direction and rate of each tracklet.
 
@@ -193,6 +198,8 @@ def attributables(
     degree : int, optional
         Degree of the polynomials. By default it is 1, or 2 where detections at four or more times
         require it at a significance of 0.001.
+    known : Attributables, optional
+        Result for the first rows of the same angles, from which equal tracklets are taken.
 
     Returns
     -------
@@ -203,7 +210,13 @@ def attributables(
     ConfigurationError
         If a tracklet has detections of several observers or at fewer than two different times.
     """
-    found = [_attributable(angles, np.sort(np.asarray(rows)), rate, degree) for rows in tracklets]
+    before = {} if known is None else {tuple(d.tolist()): k for k, d in enumerate(known.detections)}
+    found = []
+    for rows in map(np.sort, tracklets):
+        k = before.get(tuple(rows.tolist()))
+        found.append(
+            _attributable(angles, rows, rate, degree) if k is None else [each[k] for each in known]
+        )
     order = sorted(range(len(found)), key=lambda k: (found[k][0], found[k][1]))
     shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), (), (), ())
     columns = [

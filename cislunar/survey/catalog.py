@@ -146,7 +146,7 @@ class SurveyCatalog:
         angles = self.angles
         rate = frame_rate(self.forces)
         formed = form_tracklets(angles, self.settings, rate=rate)
-        self.tracklets = attributables(angles, formed, rate=rate)
+        self.tracklets = attributables(angles, formed, rate=rate, known=self.tracklets)
         limits = np.concatenate([np.empty(0), *self._limits])
         # what is not a false alarm may be of objects that are not linked
         others = angles.time.size / max(self._area_deg2, 1.0) - self.process.false_alarms_deg2

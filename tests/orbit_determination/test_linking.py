@@ -145,6 +145,18 @@ def test_long_tracklets_are_divided():
     assert len(parts) == 3 * len(OBSERVERS) and min(spans) > 1.4 and max(spans) <= 2.0
 
 
+def test_attributables_are_continued():
+    angles, _ = night(OBJECTS[:2], [0.0, 2.0], 1.0, 9)
+    early = angles.rows(np.arange(np.count_nonzero(angles.time < 1.0 * HOUR)))
+    first = attributables(early, form_tracklets(early))
+    formed = form_tracklets(angles)
+    assert 2 <= first.time.size < len(formed)
+    again, anew = attributables(angles, formed, known=first), attributables(angles, formed)
+    for continued, whole in zip(again[:-1], anew[:-1], strict=True):
+        np.testing.assert_array_equal(continued, whole)
+    assert [d.tolist() for d in again.detections] == [d.tolist() for d in anew.detections]
+
+
 def test_an_object_may_pass_by_an_observer():
     angles, origin = night(OBJECTS[:1], [0.0, 2.0], 0.0, 8)
     fits = fit_orbits(angles, [np.arange(origin.size)], OBJECTS[:1], 0.0)
