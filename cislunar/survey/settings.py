@@ -1,6 +1,8 @@
 """Settings of a survey. Nothing here needs compiled kernels."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from cislunar.detection.process import DetectionProcess
 from cislunar.errors import ConfigurationError
@@ -82,6 +84,26 @@ class SearchSettings(Section):
     # fmt: on
 
 
+class LineageSettings(Section):
+    """Maneuvers of cataloged objects: orbits before and after, and orbits that are lost."""
+
+    # fmt: off
+
+    maneuvers_per_day: NotNegative = setting(
+        "assumed number of maneuvers of an object in a day; 0: the catalog assumes that no object "
+        "maneuvers", "1", default=0)
+    scales_m_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = setting(
+        "standard deviations of a component of a change of velocity, equally probable", "m/s",
+        default=(1, 20, 300))
+    longest_gap_h: Positive = setting(
+        "longest time without a detection in which a maneuver is sought", "h", default=48)
+    least_probability: number(gt=0.5, lt=1) = setting(
+        "probability from which on two orbits are of one object before and after a maneuver, and "
+        "an orbit is lost", "1", default=0.99)
+
+    # fmt: on
+
+
 class QualitySettings(Section):
     """What counts as right and as findable."""
 
@@ -112,5 +134,6 @@ class SurveyModel(Section):
     prior: DensityPrior = setting("", default=DensityPrior())
     process: DetectionProcess = setting("", default=DetectionProcess())
     quality: QualitySettings = setting("", default=QualitySettings())
+    lineage: LineageSettings = setting("", default=LineageSettings())
 
     # fmt: on

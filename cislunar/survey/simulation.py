@@ -197,8 +197,9 @@ class _Survey:
         self.path: list[Array] = []
         self.origin: list[Indices] = []
         self.catalog = SurveyCatalog(
-            scene, forces, settings.process, settings.region, settings.linking, settings.tracklets
-        )
+            scene, forces, settings.process, settings.region, settings.linking, settings.tracklets,
+            lineage=settings.lineage, limits=limits, magnitude_sigma=settings.magnitude_sigma,
+        )  # fmt: skip
         self.sigma = np.hypot(settings.magnitude_sigma, np.sqrt(limits.noise_variance[:, :1]))
         self.draws = generator(seed, "draws").standard_normal((_DRAWS // 2, 3))
         self.draws = np.concatenate([self.draws, -self.draws])
