@@ -16,5 +16,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "settings": ["DensityPrior", "LineageSettings", "QualitySettings", "SOURCES", "SearchSettings",
         "SurveyModel"],
     "simulation": ["SurveySettings", "run_survey"],
+    "true_objects": ["TrueObjects"],
 })
 # fmt: on

@@ -10,12 +10,13 @@ whose object is not where it is predicted, are neither confirmed nor predicted a
 (`cislunar.survey.maneuvers`).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection import DetectionProcess, Detections, Exposures, boresight_vectors
+from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
@@ -23,8 +24,10 @@ from cislunar.orbit_determination import (
     Attributables,
     LinkedOrbits,
     LinkingSettings,
+    OrbitFits,
     TrackletSettings,
     attributables,
+    fit_orbits,
     form_tracklets,
     frame_rate,
     link,
@@ -39,6 +42,13 @@ from cislunar.survey.maneuvers import (
     Lineage,
     Watch,
     maneuvered_orbits,
+)
+from cislunar.survey.navigation import (
+    ObserverCalibration,
+    calibrate,
+    considered,
+    corrected_angles,
+    uncalibrated,
 )
 from cislunar.survey.settings import LineageSettings
 
@@ -84,6 +94,8 @@ class SurveyCatalog:
         Of all observers. Without them and a scene, no orbit is lost.
     magnitude_sigma : float
         Standard deviation of magnitudes about those of a sphere, mag, for lost orbits.
+    errors : ObserverErrors, optional
+        Assumed errors of the observers and their treatment, which needs a scene; none if omitted.
 
     Attributes
     ----------
@@ -92,6 +104,8 @@ class SurveyCatalog:
         a maneuver that detections alone do not confirm is confirmed, with its state from both.
     status : tuple of str
         CURRENT, LOST or SUPERSEDED of `cislunar.survey.maneuvers`, of each orbit.
+    calibration : ObserverCalibration or None
+        Estimated errors of the observers, as of the last `link`; None without a treatment.
     maneuvers : Lineage or None
         Orbits before and after maneuvers, as of the last `link`; None without `lineage`.
     tracklets : Attributables or None
@@ -110,11 +124,17 @@ class SurveyCatalog:
         lineage: LineageSettings | None = None,
         limits: SensorLimits | None = None,
         magnitude_sigma: float = 0.4,
+        errors: ObserverErrors | None = None,
     ) -> None:
         self.scene, self.forces, self.process = scene, forces, process
         self.region, self.linking, self.settings = region, linking, tracklets
         self.lineage = LineageSettings() if lineage is None else lineage
         self.limits, self.magnitude_sigma = limits, magnitude_sigma
+        self.errors = ObserverErrors() if errors is None else errors
+        self.calibration: ObserverCalibration | None = None
+        if self.errors.treatment != "none":
+            n_observers = scene.observer_position.shape[0]
+            self.calibration = uncalibrated(self.errors.assumed, n_observers)
         self.status: tuple[str, ...] = ()
         self.maneuvers: Lineage | None = None
         self._linked: LinkedOrbits | None = None
@@ -181,7 +201,14 @@ class SurveyCatalog:
 
     @property
     def angles(self) -> Angles:
-        """All detections so far, in order of time."""
+        """All detections so far, in order of time, as they are linked: with the treatment of the
+        errors of the observers."""
+        if self.calibration is None or not self._angles:
+            return self._measured
+        return corrected_angles(self._measured, self.scene, self.calibration)
+
+    @property
+    def _measured(self) -> Angles:
         if not self._angles:
             return _nothing()
         parts = zip(*(each[:-1] for each in self._angles), strict=True)
@@ -209,13 +236,30 @@ class SurveyCatalog:
         )
         self.status = (CURRENT,) * self._linked.log_ratio.size
         self.orbits = self._linked
+        if self.calibration is not None:
+            given = self._measured, self.scene, self.calibration
+            self.orbits = self.orbits._replace(
+                fits=considered(self.orbits.fits, *given, forces=self.forces)
+            )
         if self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
             self.orbits, self.status, self.maneuvers = maneuvered_orbits(
-                self._linked, angles, forces=self.forces, region=self.region, linking=self.linking,
-                settings=self.lineage, watch=self._watch(),
+                self.orbits, angles, forces=self.forces, region=self.region, linking=self.linking,
+                settings=self.lineage, watch=self._watch(), fit=self._fit,
             )  # fmt: skip
         self._predicted = None
+        if self.errors.treatment == "calibrated" and np.any(self.orbits.confirmed):
+            self.calibration = calibrate(
+                self.orbits.fits.take(np.flatnonzero(self.orbits.confirmed)), self._measured,
+                self.scene, self.errors.assumed, self.calibration, forces=self.forces,
+            )  # fmt: skip
         return self.orbits
+
+    def _fit(self, angles: Angles, *given: Any, forces: tuple) -> OrbitFits:
+        """Orbits with the covariance that considers the errors of the observers."""
+        fits = fit_orbits(angles, *given, forces=forces)
+        if self.calibration is None:
+            return fits
+        return considered(fits, self._measured, self.scene, self.calibration, forces=forces)
 
     def _watch(self) -> Watch | None:
         """Where exposures have looked, if this is known."""

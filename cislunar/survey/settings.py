@@ -38,6 +38,9 @@ class DensityPrior(Section):
     particles: Count = setting("number of samples", "1", default=4000)
     expected_objects: Positive = setting(
         "expected number of undetected objects at the start", "1", default=200)
+    births_per_day: NotNegative = setting(
+        "expected number of objects that enter the region in a day, by which the density grows in "
+        "proportion to itself at the start", "1/day", default=0)
     drift_days: Positive = setting(
         "longest time for which samples of zero-velocity surfaces are propagated", "day",
         default=10)
@@ -111,6 +114,9 @@ class QualitySettings(Section):
 
     right_km: Positive = setting(
         "largest position error of a right orbit at its last detection", "km", default=500)
+    custody_km: Positive = setting(
+        "largest position error of an object in custody, at the time of the table", "km",
+        default=10)
     findable_tracklets: Count = setting(
         "tracklets from which on an object is findable", "1", default=3)
 
@@ -124,6 +130,9 @@ class SurveyModel(Section):
 
     duration_days: Positive = setting("duration", "day", default=1)
     link_hours: Positive = setting("time between two runs of linking", "h", default=4)
+    latency_minutes: NotNegative = setting(
+        "time after which the data of a block reach the catalog and the planning, a multiple of "
+        "`search.block_minutes`", "min", default=0)
     magnitude_sigma: Positive = setting(
         "standard deviation of an object's magnitudes about those of a sphere, which the search "
         "assumes", "mag", default=0.4)

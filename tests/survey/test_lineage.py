@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from test_survey import SETTINGS as SURVEY
+from test_survey import surveyed
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import DetectionProcess
@@ -22,9 +24,12 @@ from cislunar.survey.maneuvers import (
     SUPERSEDED,
     FieldHistory,
     Watch,
+    divided,
     find_lineage,
     maneuvered_orbits,
     orbit_paths,
+    overlapping_pairs,
+    replaced,
 )
 from cislunar.tasking import tracking_problem
 
@@ -248,3 +253,41 @@ def test_the_orbit_after_a_maneuver_replaces_the_one_before():
         linked(fits, [False, True, True, False, True]), angles, settings=SETTINGS, **given
     )
     assert not orbits.confirmed[3] and status[0] == CURRENT
+
+
+def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
+    """The orbit after a small maneuver has taken the last detections from before it."""
+    angles, fits, _ = arcs((0.2, -0.4, 0.1))
+    before, after = fits.row[fits.begin[0] : fits.begin[1]], fits.row[fits.begin[3] :]
+    after = after[: fits.begin[4] - fits.begin[3]]
+    moved_rows = before[-3:]
+    mixed = fit_orbits(
+        angles, [before[:-3], np.union1d(moved_rows, after)], fits.state[[0, 3]],
+        fits.epoch[[0, 3]], forces=EARTH_MOON,
+    )  # fmt: skip
+    both = replaced(fits, (0, 3), mixed)
+    paths = orbit_paths(both, 0.0, AFTER[-1] * STEP, forces=EARTH_MOON)
+    assert (0, 3) in overlapping_pairs(both, angles, paths, 300.0)
+
+    def fit(rows, state, epoch):
+        return fit_orbits(angles, rows, state, epoch, forces=EARTH_MOON)
+
+    parts = divided(both, angles, (0, 3), 1e-4, fit)
+    assert parts.chi_squared.sum() <= mixed.chi_squared.sum()
+    # no detection from after the maneuver is before it; the few from before may be on either side
+    assert angles.time[parts.row[: parts.begin[1]]].max() <= BEFORE[-1] * STEP
+    # by brute force over all divisions of the rows next to the ends
+    rows, totals = np.union1d(before, after), {}
+    for k in range(before.size - 6, before.size + 7):
+        one = fit([rows[:k], rows[k:]], fits.state[[0, 3]], fits.epoch[[0, 3]])
+        if angles.time[rows[k]] > angles.time[rows[k - 1]]:
+            totals[k] = one.chi_squared.sum()
+    assert parts.chi_squared.sum() <= min(totals.values()) * (1.0 + 1e-6)
+
+
+def test_nothing_changes_for_objects_that_do_not_maneuver():
+    """A survey with and without assumed maneuvers."""
+    off = surveyed()
+    on = surveyed(settings=SURVEY.model_copy(update={"lineage": SETTINGS}))
+    assert on.states.equals(off.states) and on.orbits.equals(off.orbits)
+    assert off.states["confirmed"].iloc[-1] >= 3

@@ -4,6 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "division": ["divided", "overlapping_pairs", "replaced"],
     "lineage": ["Lineage", "OrbitPaths", "find_lineage", "orbit_paths"],
     "misses": ["FieldHistory", "log_missed"],
     "status": ["CURRENT", "LOST", "ManeuveredOrbits", "SUPERSEDED", "Watch", "maneuvered_orbits"],

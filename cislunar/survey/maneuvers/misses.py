@@ -1,9 +1,11 @@
 """Exposures that would have detected a known orbit's object, had it been where it is predicted.
 
 For each exposure after the last detection of an orbit, in whose field the predicted direction lies
-with three standard deviations of margin, the probability p of a detection follows from the size
-that the orbit's own magnitudes imply. Brightness varies slowly, so that the visits of an observer
-within a block of time count as one, with the largest p. The probability of no detection is
+with three standard deviations of margin, the probability p of a detection follows from the size and
+the scatter that the orbit's own magnitudes imply. It is zero if there is a detection next to the
+predicted direction, whether it has been linked or not. Brightness varies slowly, so that the visits
+of an observer within a block of time count as one, with the largest p. The probability of no
+detection is
 
     m = product of (1 - c p),                                                                  (1)
 
@@ -28,6 +30,9 @@ _TRUST = 0.9
 
 _MARGIN = 3.0
 """Standard deviations of the direction between it and the edge of a field."""
+
+_NEXT = np.deg2rad(0.02)
+"""Distance within which a detection, besides these standard deviations, may be of the orbit."""
 
 
 class FieldHistory(NamedTuple):
@@ -94,9 +99,9 @@ def log_missed(
     """
     out = np.zeros(which.size)
     last = angles.time[fits.row[fits.begin[which + 1] - 1]]
-    size = np.array([_size(fits, angles, k) for k in which.tolist()])
+    size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
     known = np.isfinite(size)
-    sigma = np.hypot(magnitude_sigma, np.sqrt(limits.noise_variance[:, :1]))
+    sigma = np.hypot(np.maximum(magnitude_sigma, scatter), np.sqrt(limits.noise_variance[:, :1]))
     block = np.floor(fields.index * scene.step_s / block_s + 1e-9).astype(np.int64)
     after = np.unique(fields.index[fields.index * scene.step > last.min(initial=np.inf)])
     best = np.zeros((which.size, limits.half_field.size))
@@ -114,21 +119,28 @@ def log_missed(
         good = np.isfinite(position).all(axis=1)
         unseen, position, spread = unseen[good], position[good], spread[good]
         margin = views(scene, limits, k, position).margin
-        chance = detection_probability(margin, size[unseen], sigma, loss)
+        chance = detection_probability(margin, size[unseen], sigma[:, unseen], loss)
+        seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
         for e in range(now.start, now.stop):
             o = int(fields.observer[e])
             way = position - scene.observer_position[o, k]
             distance = np.linalg.norm(way, axis=1)
             off = np.arccos(np.clip(way @ fields.boresight[e] / distance, -1.0, 1.0))
-            inside = off + _MARGIN * spread / distance <= fields.half_field[e]
+            gate = _MARGIN * spread / distance
+            inside = off + gate <= fields.half_field[e]
+            found = angles.direction[seen][angles.observer[seen] == o]
+            if found.size:
+                unit = way / distance[:, None]
+                apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)
+                inside &= apart > gate + _NEXT
             rows = unseen[inside]
             best[rows, o] = np.maximum(best[rows, o], chance[o, inside])
     return out + np.log1p(-_TRUST * best).sum(axis=1)
 
 
-def _size(fits: OrbitFits, angles: Angles, k: int) -> float:
+def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
     own = slice(fits.begin[k], fits.begin[k + 1])
-    return implied_size(fits.position[own], angles.rows(fits.row[own]))[0]
+    return implied_size(fits.position[own], angles.rows(fits.row[own]))
 
 
 def _predicted(paths: OrbitPaths, which: Indices, time: float) -> tuple[Array, Array]:

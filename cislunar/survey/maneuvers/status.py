@@ -1,6 +1,8 @@
 """Status of the orbits of a catalog whose objects may maneuver."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +15,12 @@ from cislunar.orbit_determination import (
     Angles,
     LinkedOrbits,
     LinkingSettings,
+    OrbitFits,
+    concatenate_fits,
+    fit_orbits,
 )
-from cislunar.survey.maneuvers.lineage import Lineage, find_lineage, orbit_paths
+from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
+from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
 from cislunar.survey.maneuvers.misses import FieldHistory, log_missed
 from cislunar.survey.settings import LineageSettings
 
@@ -71,6 +77,7 @@ def maneuvered_orbits(
     linking: LinkingSettings,
     settings: LineageSettings,
     watch: Watch | None = None,
+    fit: Callable[..., OrbitFits] = fit_orbits,
 ) -> ManeuveredOrbits:
     """Search the orbits of a catalog for maneuvers.
 
@@ -86,6 +93,8 @@ def maneuvered_orbits(
     settings : LineageSettings
     watch : Watch, optional
         Without it no orbit is lost.
+    fit : callable
+        Fits orbits, as `cislunar.orbit_determination.fit_orbits`, which is the default.
 
     Returns
     -------
@@ -100,22 +109,34 @@ def maneuvered_orbits(
     now = float(angles.time[-1]) if angles.time.size else 0.0
     if watch is not None and watch.fields.index.size:
         now = max(now, float(watch.fields.index[-1]) * watch.scene.step)
-    paths = orbit_paths(fits, float(last.min(initial=now)), now, forces=forces)
+    first = float(angles.time[fits.row[fits.begin[:-1]]].min(initial=now))
+    paths = orbit_paths(fits, first, now, forces=forces)
     everything = np.ones(own.size, dtype=bool)
-    found = find_lineage(
-        fits, angles, everything, everything, forces=forces, region=region,
-        expected_objects=linking.expected_objects, settings=settings, paths=paths,
-    )  # fmt: skip
+    given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
+             "settings": settings}  # fmt: skip
+    found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
+    fits, changed = _divided(fits, angles, found, paths, linking, fit, given)
+    if changed.size:
+        last = angles.time[fits.row[fits.begin[1:] - 1]]
+        paths = orbit_paths(fits, first, now, forces=forces)
+        found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
     # in order of time, so that a chain of orbits is confirmed from its begin on
     order = np.argsort(last[found.before], kind="stable")
     kept = [pair for pair in order.tolist() if _confirm(sure, found, pair)]
     found = Lineage(*(each[np.array(sorted(kept), dtype=np.int64)] for each in found))
     before, after = own[found.before], own[found.after]
-    state, covariance, root = (each.copy() for each in linked.fits[1:4])
+    all_fits = linked.fits
+    if changed.size:
+        parts = [all_fits.take([k]) for k in range(all_fits.epoch.size)]
+        for k in changed.tolist():
+            parts[own[k]] = fits.take([k])
+        all_fits = concatenate_fits(parts, all_fits)
+    state, covariance, root = (each.copy() for each in all_fits[1:4])
     for pair, k in enumerate(after.tolist()):
         if not linked.confirmed[k]:
             state[k], covariance[k] = found.state[pair], found.covariance[pair]
-            root[k] = np.linalg.cholesky(covariance[k]).T
+            value, axes = np.linalg.eigh(covariance[k])
+            root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
     status[before] = SUPERSEDED
     if watch is not None and own.size:
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
@@ -127,12 +148,42 @@ def maneuvered_orbits(
     confirmed = linked.confirmed.copy()
     confirmed[own] = sure
     confirmed &= status == CURRENT
-    fits = linked.fits._replace(state=state, covariance=covariance, root=root)
+    fits = all_fits._replace(state=state, covariance=covariance, root=root)
     return ManeuveredOrbits(
         linked._replace(fits=fits, confirmed=confirmed),
         tuple(status.tolist()),
         found._replace(before=before, after=after),
     )
+
+
+def _divided(
+    fits: OrbitFits,
+    angles: Angles,
+    found: Lineage,
+    paths: OrbitPaths,
+    linking: LinkingSettings,
+    fit: Callable[..., OrbitFits],
+    given: dict[str, Any],
+) -> tuple[OrbitFits, NDArray[np.int64]]:
+    """Orbits with the detections of some pairs divided anew, and which of them have changed. Each
+    orbit changes once at most, and those of a pair that is found already do not."""
+    used = {*found.before.tolist(), *found.after.tolist()}
+    changed: list[int] = []
+    one, other = np.array([True, False]), np.array([False, True])
+    for pair in overlapping_pairs(fits, angles, paths, max(given["settings"].scales_m_s)):
+        if used & set(pair):
+            continue
+        parts = divided(fits, angles, pair, linking.verdict.significance,
+                        partial(fit, angles, forces=given["forces"]))  # fmt: skip
+        if parts is None:
+            continue
+        ends = angles.time[parts.row[parts.begin[1] - 1]], angles.time[parts.row[parts.begin[1]]]
+        own = orbit_paths(parts, *map(float, ends), forces=given["forces"])
+        if find_lineage(parts, angles, one, other, paths=own, **given).before.size:
+            fits = replaced(fits, pair, parts)
+            used |= set(pair)
+            changed += pair
+    return fits, np.array(changed, dtype=np.int64)
 
 
 def _confirm(sure: NDArray[np.bool_], found: Lineage, pair: int) -> bool:
