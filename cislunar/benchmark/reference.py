@@ -22,10 +22,13 @@ from cislunar.benchmark.files import (
     read_scenario,
 )
 from cislunar.benchmark.submission import ASSIGNMENTS, OBJECTS
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.detection import Exposures
 from cislunar.dynamics import EphemerisForces, propagate_stm
+from cislunar.ephemeris import COLUMNS, read_table
 from cislunar.errors import CislunarError, ConfigurationError, ConvergenceError, InputFileError
 from cislunar.exchange import Segment, inertial_arc, oem_text
+from cislunar.observation import Scene, make_scene, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     LinkingSettings,
@@ -33,7 +36,7 @@ from cislunar.orbit_determination import (
     TrackletSettings,
 )
 from cislunar.runtime.netcdf import write_text
-from cislunar.survey import SurveyCatalog
+from cislunar.survey import LineageSettings, SurveyCatalog
 
 Array = NDArray[np.float64]
 
@@ -43,19 +46,58 @@ REFERENCE_METHODS = ("ours", "nearest-neighbor")
 STATES = "states.oem"
 
 
+_MANEUVERS = LineageSettings(maneuvers_per_day=0.3)
+"""By the statement of the scenario: a tenth of the objects makes two a day, and a tenth one."""
+
+
 class _ConfirmedOrbits(SurveyCatalog):
     """A catalog of a survey, of which the confirmed orbits are in the submission."""
 
-    def __init__(self, scenario: BenchmarkScenario, forces: EphemerisForces) -> None:
-        survey = scenario.survey
+    def __init__(
+        self, scenario: BenchmarkScenario, forces: EphemerisForces, public: PublicData
+    ) -> None:
+        survey, names = scenario.survey, np.array(scenario.observers)
         linking = LinkingSettings(expected_objects=survey.prior.expected_objects)
         region, tracklets = AdmissibleRegion(), TrackletSettings()
-        super().__init__(None, forces, survey.process, region, linking, tracklets)
+        table = public.exposures
+        self.exposures = Exposures(
+            np.rint((table["tdb"] - forces.epoch) / scenario.step_s).to_numpy(dtype=np.int64),
+            np.searchsorted(names, table["stn"].to_numpy().astype(str)),
+            np.deg2rad(table[["ra", "dec"]].to_numpy()),
+            np.deg2rad(0.5 * table["fieldDeg"].to_numpy()),
+            table["limMag"].to_numpy(),
+        )
+        scene = _scene(self.exposures, table, names.size, scenario.step_s, forces)
+        super().__init__(
+            scene, forces, survey.process, region, linking, tracklets, lineage=_MANEUVERS,
+            limits=sensor_limits(scenario.sensor, names.size),
+            magnitude_sigma=survey.magnitude_sigma,
+        )  # fmt: skip
 
     def confirmed_fits(self) -> OrbitFits:
         """Link all detections so far."""
         orbits = self.link()
         return orbits.fits.take(np.flatnonzero(orbits.confirmed))
+
+
+def _scene(
+    exposures: Exposures, table: pd.DataFrame, n: int, step_s: float, forces: EphemerisForces
+) -> Scene:
+    """Scene in ICRF axes, with the observers where their exposures state it, and in between."""
+    steps = np.arange(int(exposures.step.max()) + 1)
+    bodies = read_table(forces.table, forces.epoch + step_s * steps)[0] / LENGTH_UNIT_KM
+    place = table[["pos1", "pos2", "pos3"]].to_numpy() / LENGTH_UNIT_KM
+    place = place + bodies[exposures.step, COLUMNS["earth"]]
+    tracks = np.zeros((n, steps.size, 3))
+    for o in np.unique(exposures.observer).tolist():
+        own = exposures.observer == o
+        for c in range(3):
+            tracks[o, :, c] = np.interp(steps, exposures.step[own], place[own, c])
+    primaries = np.stack([bodies[:, COLUMNS["earth"]], bodies[:, COLUMNS["moon"]]], axis=1)
+    return make_scene(
+        tracks, bodies[:, COLUMNS["sun"]], step_s, observer_rate_deg_h=np.zeros(3), axes=np.eye(3),
+        primaries=primaries,
+    )  # fmt: skip
 
 
 def write_reference(
@@ -94,8 +136,12 @@ def write_reference(
         raise InputFileError(f"{target}: is not an empty folder; give a new one")
     scenario = read_scenario(folder)
     public, forces = read_public_data(folder, scenario), scenario.forces()
-    made = _ConfirmedOrbits if method == "ours" else NearestNeighborCatalog
-    replay = _Replay(made(scenario, forces), scenario, public, forces)
+    catalog = (
+        _ConfirmedOrbits(scenario, forces, public)
+        if method == "ours"
+        else NearestNeighborCatalog(scenario, forces)
+    )
+    replay = _Replay(catalog, scenario, public, forces)
     for number in range(scenario.scoring_tdb.size):
         replay.advance(number)
         if progress is not None:
@@ -130,7 +176,10 @@ class _Replay:
         end = self.epochs[number]
         rows = np.flatnonzero((self.public.tdb > begin) & (self.public.tdb <= end))
         taken = self.public.exposures["tdb"].to_numpy()
-        area = float(self.area[(taken > begin) & (taken <= end)].sum())
+        looked = (taken > begin) & (taken <= end)
+        area = float(self.area[looked].sum())
+        if isinstance(self.catalog, _ConfirmedOrbits):
+            self.catalog.add_fields(Exposures(*(e[looked] for e in self.catalog.exposures)), 0)
         self.catalog.add_angles(self.public.angles.rows(rows), self.limits[rows], area)
         fits = self.catalog.confirmed_fits()
         before, self.name_of = self.name_of, np.full(self.public.tdb.size, -1)

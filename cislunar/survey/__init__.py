@@ -13,7 +13,9 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
     "results": ["BlockRecord", "SurveyResult"],
     "search_worth": ["search_tables"],
-    "settings": ["DensityPrior", "QualitySettings", "SOURCES", "SearchSettings", "SurveyModel"],
+    "settings": ["DensityPrior", "LineageSettings", "QualitySettings", "SOURCES", "SearchSettings",
+        "SurveyModel"],
     "simulation": ["SurveySettings", "run_survey"],
+    "true_objects": ["TrueObjects"],
 })
 # fmt: on

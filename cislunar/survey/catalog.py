@@ -4,23 +4,30 @@ The catalog receives exposures and detections without origins, links all trackle
 predicts its orbits for the next plan. Confirmed orbits and candidates are continued by least
 squares with all their detections. An orbit that no longer agrees with its detections is dissolved,
 and its detections of the last hours are linked anew, which also re-acquires lost objects.
+
+If objects may maneuver, an orbit that is followed by another one of the same object, and an orbit
+whose object is not where it is predicted, are neither confirmed nor predicted any more
+(`cislunar.survey.maneuvers`).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.detection import DetectionProcess, Detections, Exposures
-from cislunar.observation import Scene
+from cislunar.detection import DetectionProcess, Detections, Exposures, boresight_vectors
+from cislunar.estimation.navigation import ObserverErrors
+from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
     Attributables,
     LinkedOrbits,
     LinkingSettings,
+    OrbitFits,
     TrackletSettings,
     attributables,
+    fit_orbits,
     form_tracklets,
     frame_rate,
     link,
@@ -29,6 +36,21 @@ from cislunar.orbit_determination import (
     tangent_basis,
 )
 from cislunar.survey.fields import unit_vectors
+from cislunar.survey.maneuvers import (
+    CURRENT,
+    FieldHistory,
+    Lineage,
+    Watch,
+    maneuvered_orbits,
+)
+from cislunar.survey.navigation import (
+    ObserverCalibration,
+    calibrate,
+    considered,
+    corrected_angles,
+    uncalibrated,
+)
+from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,6 +60,9 @@ _LEAST_COSINE = 1e-3
 
 _GATE, _CURVATURE = 3.0, np.deg2rad(0.02)
 """Gate of a prediction in standard deviations, and what a straight path over minutes may miss."""
+
+_BLOCK_S = 1200.0
+"""Time within which exposures of an observer without a detection count as one."""
 
 
 class Predictions(NamedTuple):
@@ -63,11 +88,26 @@ class SurveyCatalog:
     region : AdmissibleRegion
     linking : LinkingSettings
     tracklets : TrackletSettings
+    lineage : LineageSettings, optional
+        Assumed maneuvers; none if omitted.
+    limits : SensorLimits, optional
+        Of all observers. Without them and a scene, no orbit is lost.
+    magnitude_sigma : float
+        Standard deviation of magnitudes about those of a sphere, mag, for lost orbits.
+    errors : ObserverErrors, optional
+        Assumed errors of the observers and their treatment, which needs a scene; none if omitted.
 
     Attributes
     ----------
     orbits : LinkedOrbits or None
-        As of the last `link`.
+        As of the last `link`. Orbits that are superseded or lost are not confirmed. The orbit after
+        a maneuver that detections alone do not confirm is confirmed, with its state from both.
+    status : tuple of str
+        CURRENT, LOST or SUPERSEDED of `cislunar.survey.maneuvers`, of each orbit.
+    calibration : ObserverCalibration or None
+        Estimated errors of the observers, as of the last `link`; None without a treatment.
+    maneuvers : Lineage or None
+        Orbits before and after maneuvers, as of the last `link`; None without `lineage`.
     tracklets : Attributables or None
         All tracklets of the last `link`.
     """
@@ -80,9 +120,25 @@ class SurveyCatalog:
         region: AdmissibleRegion,
         linking: LinkingSettings,
         tracklets: TrackletSettings,
+        *,
+        lineage: LineageSettings | None = None,
+        limits: SensorLimits | None = None,
+        magnitude_sigma: float = 0.4,
+        errors: ObserverErrors | None = None,
     ) -> None:
         self.scene, self.forces, self.process = scene, forces, process
         self.region, self.linking, self.settings = region, linking, tracklets
+        self.lineage = LineageSettings() if lineage is None else lineage
+        self.limits, self.magnitude_sigma = limits, magnitude_sigma
+        self.errors = ObserverErrors() if errors is None else errors
+        self.calibration: ObserverCalibration | None = None
+        if self.errors.treatment != "none":
+            n_observers = scene.observer_position.shape[0]
+            self.calibration = uncalibrated(self.errors.assumed, n_observers)
+        self.status: tuple[str, ...] = ()
+        self.maneuvers: Lineage | None = None
+        self._linked: LinkedOrbits | None = None
+        self._fields: list[FieldHistory] = []
         self.tracklets: Attributables | None = None
         self.orbits: LinkedOrbits | None = None
         self._angles: list[Angles] = []
@@ -94,6 +150,7 @@ class SurveyCatalog:
         """Take up what the exposures of a block have returned, and return it as angles; `first` is
         the index of their first step among the scene's times."""
         scene, of = self.scene, detections.exposure
+        self.add_fields(exposures, first)
         area = float(np.sum(np.rad2deg(2.0 * np.tan(exposures.half_field)) ** 2))
         if of.size == 0:
             return self.add_angles(_nothing(), np.empty(0), area)
@@ -132,9 +189,26 @@ class SurveyCatalog:
             self._limits.append(np.asarray(limiting_magnitude, dtype=float))
         return angles
 
+    def add_fields(self, exposures: Exposures, first: int) -> None:
+        """Take up where exposures have looked, with or without detections; as for `add`."""
+        if self.lineage.maneuvers_per_day > 0.0:
+            self._fields.append(
+                FieldHistory(
+                    first + exposures.step, exposures.observer,
+                    boresight_vectors(exposures, self.scene, first), exposures.half_field,
+                )
+            )  # fmt: skip
+
     @property
     def angles(self) -> Angles:
-        """All detections so far, in order of time."""
+        """All detections so far, in order of time, as they are linked: with the treatment of the
+        errors of the observers."""
+        if self.calibration is None or not self._angles:
+            return self._measured
+        return corrected_angles(self._measured, self.scene, self.calibration)
+
+    @property
+    def _measured(self) -> Angles:
         if not self._angles:
             return _nothing()
         parts = zip(*(each[:-1] for each in self._angles), strict=True)
@@ -151,26 +225,59 @@ class SurveyCatalog:
         # what is not a false alarm may be of objects that are not linked
         others = angles.time.size / max(self._area_deg2, 1.0) - self.process.false_alarms_deg2
         intensity = self.process.log_intensity(angles.magnitude, limits, max(others, 1e-3))
-        self.orbits = link(
+        self._linked = link(
             angles,
             self.tracklets,
             forces=self.forces,
             region=self.region,
             settings=self.linking,
             log_clutter=intensity,
-            known=self.orbits,
+            known=self._linked,
         )
+        self.status = (CURRENT,) * self._linked.log_ratio.size
+        self.orbits = self._linked
+        if self.calibration is not None:
+            given = self._measured, self.scene, self.calibration
+            self.orbits = self.orbits._replace(
+                fits=considered(self.orbits.fits, *given, forces=self.forces)
+            )
+        if self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
+            self.orbits, self.status, self.maneuvers = maneuvered_orbits(
+                self.orbits, angles, forces=self.forces, region=self.region, linking=self.linking,
+                settings=self.lineage, watch=self._watch(), fit=self._fit,
+            )  # fmt: skip
         self._predicted = None
+        if self.errors.treatment == "calibrated" and np.any(self.orbits.confirmed):
+            self.calibration = calibrate(
+                self.orbits.fits.take(np.flatnonzero(self.orbits.confirmed)), self._measured,
+                self.scene, self.errors.assumed, self.calibration, forces=self.forces,
+            )  # fmt: skip
         return self.orbits
+
+    def _fit(self, angles: Angles, *given: Any, forces: tuple) -> OrbitFits:
+        """Orbits with the covariance that considers the errors of the observers."""
+        fits = fit_orbits(angles, *given, forces=forces)
+        if self.calibration is None:
+            return fits
+        return considered(fits, self._measured, self.scene, self.calibration, forces=forces)
+
+    def _watch(self) -> Watch | None:
+        """Where exposures have looked, if this is known."""
+        if self.scene is None or self.limits is None or not self._fields:
+            return None
+        fields = FieldHistory(*(np.concatenate(each) for each in zip(*self._fields, strict=True)))
+        given = self.magnitude_sigma, self.process.detection_loss, _BLOCK_S
+        return Watch(fields, self.scene, self.limits, *given)
 
     def predict(self, time: float) -> Predictions:
         """Orbits at a later time than the last detection; those that meet a body are left out."""
         if self.orbits is None:
             return Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0))
         if self._predicted is None:
-            fits = self.orbits.fits
+            current = [k for k, each in enumerate(self.status) if each == CURRENT]
+            fits = self.orbits.fits.take(current)
             starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
-            existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio, 50.0)))
+            existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
         else:
             before, last = self._predicted
             starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)

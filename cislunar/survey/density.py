@@ -18,11 +18,11 @@ exposures return is used.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, propagate_bundle
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import array_of, number_of
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,9 @@ class ObjectDensity:
         CR3BP or ephemeris forces.
     region : AdmissibleRegion, optional
         Particles that leave it have no weight from then on.
+    births_per_day : float
+        Expected number of objects that appear in a day, equally distributed over the particles
+        that are in the region.
 
     Attributes
     ----------
@@ -63,6 +66,7 @@ class ObjectDensity:
         *,
         forces: tuple = EARTH_MOON,
         region: AdmissibleRegion | None = None,
+        births_per_day: float = 0.0,
     ) -> None:
         self.state = array_of("state", state, ("particle", 6)).copy()
         self.size_m2 = array_of("size_m2", size_m2, (len(self.state),)).copy()
@@ -71,7 +75,7 @@ class ObjectDensity:
                 f"density: {len(self.state)} particles, sizes and an expected number of {expected} "
                 "must all be positive"
             )
-        self.forces = forces
+        self.forces, self.births_per_day = forces, number_of("births_per_day", births_per_day)
         self.region = AdmissibleRegion() if region is None else region
         self.time = 0.0
         self.weight = np.full(len(self.state), float(expected) / len(self.state))
@@ -99,6 +103,9 @@ class ObjectDensity:
         good[good] = is_admissible(path[good], self.time, self.forces, self.region)
         self.state[active[good]] = path[good]
         self.weight[active[~good]] = 0.0
+        if self.births_per_day > 0.0 and np.any(good):
+            born = self.births_per_day * span * TIME_UNIT_S / SECONDS_PER_DAY
+            self.weight[active[good]] += born / np.count_nonzero(good)
 
     def observed(
         self,

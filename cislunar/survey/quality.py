@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
-from cislunar.orbit_determination import Angles, Attributables, LinkedOrbits, squared_distances
+from cislunar.dynamics import EARTH_MOON
+from cislunar.orbit_determination import (
+    Angles,
+    Attributables,
+    LinkedOrbits,
+    orbits_at,
+    squared_distances,
+)
 from cislunar.survey.settings import QualitySettings
 
 Array = NDArray[np.float64]
@@ -20,7 +27,7 @@ Flags = NDArray[np.bool_]
 
 ORBIT_COLUMNS = (
     "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
-    "error_km", "sigma_km", "nees",
+    "error_km", "sigma_km", "nees", "now_km", "now_nees",
 )  # fmt: skip
 
 
@@ -55,6 +62,14 @@ class CatalogState(NamedTuple):
         Mean normalized estimation error squared of the right confirmed orbits; 6 if consistent.
     median_error_km : float
         Median position error of the right confirmed orbits.
+    completeness_maneuvering : float
+        `completeness` of the objects that have maneuvered so far.
+    custody : float
+        Findable objects with a confirmed orbit whose position error now is at most
+        `QualitySettings.custody_km`, over findable objects.
+    nees_now : float
+        Mean normalized estimation error squared, now, of confirmed orbits with an error of at most
+        `QualitySettings.right_km`; 6 if consistent.
     """
 
     day: float
@@ -77,6 +92,9 @@ class CatalogState(NamedTuple):
     purity: float
     nees: float
     median_error_km: float
+    completeness_maneuvering: float
+    custody: float
+    nees_now: float
 
 
 def orbit_table(
@@ -86,6 +104,7 @@ def orbit_table(
     truth: Array,
     step: float,
     day: float,
+    forces: tuple = EARTH_MOON,
 ) -> pd.DataFrame:
     """Linked orbits and the objects that they are of.
 
@@ -102,28 +121,41 @@ def orbit_table(
         Nondimensional.
     day : float
         Time of the table.
+    forces : NamedTuple
+        Assumed force model, by which confirmed orbits are propagated to the last time of `truth`.
 
     Returns
     -------
     DataFrame
-        Columns `ORBIT_COLUMNS`; `object` is that of most detections, or `FALSE_ALARM`.
+        Columns `ORBIT_COLUMNS`; `object` is that of most detections, or `FALSE_ALARM`. `now_km` and
+        `now_nees` are NaN for orbits that are not confirmed.
     """
-    given, rows = np.asarray(origin), []
+    given, rows, fits = np.asarray(origin), [], orbits.fits
+    starts = [(float(fits.epoch[k]), fits.state[k], fits.covariance[k])
+              for k in np.flatnonzero(orbits.confirmed).tolist()]  # fmt: skip
+    moved = orbits_at(starts, (truth.shape[1] - 1) * step, forces)
+    present = dict(zip(np.flatnonzero(orbits.confirmed)[moved[2]].tolist(),
+                       zip(*moved[:2], strict=True), strict=True))  # fmt: skip
     for k in range(orbits.log_ratio.size):
         own = orbits.detections(k)
         names, counts = np.unique(given[own], return_counts=True)
         main = int(names[np.argmax(counts)])
-        error = nees = np.nan
+        error = nees = now_km = now_nees = np.nan
         covariance = orbits.fits.covariance[k]
         if main != FALSE_ALARM:
             at = round(float(orbits.fits.epoch[k]) / step)
             miss = truth[main, at] - orbits.fits.state[k]
             error = float(np.linalg.norm(miss[:3])) * LENGTH_UNIT_KM
             nees = float(squared_distances(miss[None], covariance[None])[0])
+            if k in present:
+                off = truth[main, -1] - present[k][0]
+                now_km = float(np.linalg.norm(off[:3])) * LENGTH_UNIT_KM
+                now_nees = float(squared_distances(off[None], present[k][1][None])[0])
         sigma = float(np.sqrt(np.trace(covariance[:3, :3]))) * LENGTH_UNIT_KM
         rows.append(
             (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, int(counts.max()),
-             np.unique(angles.observer[own]).size, error, sigma, nees)
+             np.unique(angles.observer[own]).size, error, sigma, nees,
+             now_km, now_nees)
         )  # fmt: skip
     # with the types of the columns, if there are no orbits
     return pd.DataFrame(rows, columns=list(ORBIT_COLUMNS)).astype(
@@ -150,6 +182,7 @@ def catalog_state(
     tracklets: Indices,
     settings: QualitySettings,
     outside: ArrayLike | None = None,
+    maneuvered: ArrayLike | None = None,
 ) -> CatalogState:
     """Quality of the orbits of a table.
 
@@ -164,6 +197,8 @@ def catalog_state(
     settings : QualitySettings
     outside : array_like of bool, shape (object,), optional
         Which objects are on no orbit of the families; none if omitted.
+    maneuvered : array_like of bool, shape (object,), optional
+        Which objects have maneuvered so far; none if omitted.
     """
     given, n = np.asarray(origin), tracklets.size
     findable = tracklets >= settings.findable_tracklets
@@ -185,6 +220,10 @@ def catalog_state(
     def completeness(group: Flags) -> tuple[float, float]:
         return tuple(share((held & own).sum(), own.sum()) for own in (group & findable, group))
 
+    moved = np.zeros(n, dtype=bool) if maneuvered is None else np.asarray(maneuvered, dtype=bool)
+    near = real[(real["now_km"] <= settings.custody_km).to_numpy()]
+    kept = np.isin(np.arange(n), near["object"].to_numpy(dtype=np.int64))
+    present = real[(real["now_km"] <= settings.right_km).to_numpy()]
     shares = [completeness(group) for group in (everything, ~beyond, beyond)]
 
     return CatalogState(
@@ -208,4 +247,7 @@ def catalog_state(
         purity=share(real["right_detections"].sum(), total),
         nees=float(good["nees"].mean()) if len(good) else float("nan"),
         median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),
+        completeness_maneuvering=completeness(moved)[0],
+        custody=share((kept & findable).sum(), findable.sum()),
+        nees_now=float(present["now_nees"].mean()) if len(present) else float("nan"),
     )

@@ -1,6 +1,8 @@
 """Settings of a survey. Nothing here needs compiled kernels."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from cislunar.detection.process import DetectionProcess
 from cislunar.errors import ConfigurationError
@@ -37,6 +39,9 @@ class DensityPrior(Section):
     particles: Count = setting("number of samples", "1", default=4000)
     expected_objects: Positive = setting(
         "expected number of undetected objects at the start", "1", default=200)
+    births_per_day: NotNegative = setting(
+        "expected number of objects that enter the region in a day, by which the density grows in "
+        "proportion to itself at the start", "1/day", default=0)
     drift_days: Positive = setting(
         "longest time for which samples of zero-velocity surfaces are propagated", "day",
         default=10)
@@ -83,6 +88,26 @@ class SearchSettings(Section):
     # fmt: on
 
 
+class LineageSettings(Section):
+    """Maneuvers of cataloged objects: orbits before and after, and orbits that are lost."""
+
+    # fmt: off
+
+    maneuvers_per_day: NotNegative = setting(
+        "assumed number of maneuvers of an object in a day; 0: the catalog assumes that no object "
+        "maneuvers", "1", default=0)
+    scales_m_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = setting(
+        "standard deviations of a component of a change of velocity, equally probable", "m/s",
+        default=(1, 20, 300))
+    longest_gap_h: Positive = setting(
+        "longest time without a detection in which a maneuver is sought", "h", default=48)
+    least_probability: number(gt=0.5, lt=1) = setting(
+        "probability from which on two orbits are of one object before and after a maneuver, and "
+        "an orbit is lost", "1", default=0.99)
+
+    # fmt: on
+
+
 class QualitySettings(Section):
     """What counts as right and as findable."""
 
@@ -90,6 +115,9 @@ class QualitySettings(Section):
 
     right_km: Positive = setting(
         "largest position error of a right orbit at its last detection", "km", default=500)
+    custody_km: Positive = setting(
+        "largest position error of an object in custody, at the time of the table", "km",
+        default=10)
     findable_tracklets: Count = setting(
         "tracklets from which on an object is findable", "1", default=3)
 
@@ -103,6 +131,9 @@ class SurveyModel(Section):
 
     duration_days: Positive = setting("duration", "day", default=1)
     link_hours: Positive = setting("time between two runs of linking", "h", default=4)
+    latency_minutes: NotNegative = setting(
+        "time after which the data of a block reach the catalog and the planning, a multiple of "
+        "`search.block_minutes`", "min", default=0)
     magnitude_sigma: Positive = setting(
         "standard deviation of an object's magnitudes about those of a sphere, which the search "
         "assumes", "mag", default=0.4)
@@ -114,5 +145,6 @@ class SurveyModel(Section):
     process: DetectionProcess = setting("", default=DetectionProcess())
     tracklets: TrackletSettings = setting("", default=TrackletSettings())
     quality: QualitySettings = setting("", default=QualitySettings())
+    lineage: LineageSettings = setting("", default=LineageSettings())
 
     # fmt: on

@@ -8,21 +8,24 @@ detections.
 
 Assumptions and limitations
 ---------------------------
-- Positions and attitudes of observers are known; light time is neglected, on both sides.
+- Light time is neglected, on both sides. Fields are observed where they are commanded, whatever the
+  pointing error.
 - Exposures are much shorter than the steps of the scene; nothing trails.
+- The search does not know of shadows: an exposure of an object in a shadow counts as a miss.
 """
 
+from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.detection import FALSE_ALARM, Detections, Exposures, expose
+from cislunar.detection import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import InitialEstimate
+from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, Sensors, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
@@ -44,7 +47,8 @@ from cislunar.survey.quality import (
 )
 from cislunar.survey.results import BlockRecord, SurveyResult
 from cislunar.survey.settings import SurveyModel
-from cislunar.tasking import TrueMotion, TruthModel
+from cislunar.survey.true_objects import TrueObjects
+from cislunar.tasking import TruthModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -72,6 +76,9 @@ def run_survey(
     sensor: Sensors,
     forces: tuple,
     outside: ArrayLike | None = None,
+    appears_hours: ArrayLike | None = None,
+    eclipse: bool = False,
+    observer_errors: ObserverErrors | None = None,
     progress: Callable[[int, int], None] | None = None,
     record: Callable[[BlockRecord], None] | None = None,
 ) -> SurveyResult:
@@ -99,6 +106,13 @@ def run_survey(
     outside : array_like of bool, shape (object,), optional
         Which objects are on no orbit of the families; only the quality of the catalog depends on
         it. None if omitted.
+    appears_hours : array_like, shape (object,), optional
+        Hours after the start from which each object exists; all exist from the start if omitted.
+    eclipse : bool
+        Whether objects are dimmer in the penumbra of Earth and Moon and invisible in the umbra.
+    observer_errors : ObserverErrors, optional
+        How the catalog treats errors of the observers, and their assumed standard deviations. The
+        true errors are those of `truth`. No treatment if omitted.
     progress : callable, optional
         Called with (blocks done, all blocks).
     record : callable, optional
@@ -111,17 +125,38 @@ def run_survey(
     Raises
     ------
     ConfigurationError
-        If the scene is shorter than the survey, or a time is no multiple of another.
+        If the scene is shorter than the survey, a time is no multiple of another, or data arrive
+        later than the catalog is linked.
     """
     settings = SurveySettings() if settings is None else settings
+    errors = ObserverErrors() if observer_errors is None else observer_errors
     survey = _Survey(
-        scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside, record
-    )
+        scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside, record,
+        appears_hours, eclipse, errors,
+    )  # fmt: skip
     for block in range(survey.n_blocks):
         survey.advance(block)
         if progress is not None:
             progress(block + 1, survey.n_blocks)
     return survey.result()
+
+
+class _Block(NamedTuple):
+    """A block whose data have not arrived: its number, index of the time before its first step, and
+    index of its middle; what was planned, with the particles and the orbits at that time; and what
+    it returned."""
+
+    number: int
+    start: int
+    middle: int
+    visits: Visits
+    seen: Views
+    fields: Indices
+    chance: Array
+    now: Predictions
+    exposures: Exposures
+    detections: Detections
+    origin: Indices
 
 
 class _Survey:
@@ -140,6 +175,9 @@ class _Survey:
         forces,
         outside,
         record,
+        appears_hours,
+        eclipse,
+        errors,
     ) -> None:
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
@@ -150,7 +188,7 @@ class _Survey:
                 f"bool for each of the {ids.size} objects"
             )
         self.scene, self.settings, self.seed = scene, settings, seed
-        self.sensor, self.density, self.record = sensor, density, record
+        self.density, self.record, self.forces = density, record, forces
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
         self.planner = SearchPlanner(settings.search, scene, limits)
@@ -174,29 +212,25 @@ class _Survey:
                 f"link_hours = {settings.link_hours} must be a multiple of "
                 f"search.block_minutes = {settings.search.block_minutes}"
             )
-        self.truth = truth.sampled(seed, ids)
-        # attitudes are uniform, and unknown to the estimation side
-        turns = Rotation.random(ids.size, random_state=generator(seed, "attitude")).as_quat()
-        spin = generator(seed, "spin").standard_normal((ids.size, 3)) * np.deg2rad(30.0) / 3600.0
-        self.motion = TrueMotion(
-            InitialEstimate(turns, spin, states, np.zeros(12)),
-            scene,
-            np.ones(3) if truth.sensor is not None else truth.noise,
-            seed,
-            ids,
-            forces=truth.forces,
-            inertia=self.truth.surfaces.inertia,
-            angular_acceleration=self.truth.angular_acceleration,
-            torque=self.truth.torque,
-            surfaces=self.truth.surfaces,
-            observations=n_observers,
-            maneuvers=truth.all_maneuvers(seed, ids, 24.0 * settings.duration_days),
-        )
-        self.path: list[Array] = []
+        late = settings.latency_minutes / settings.search.block_minutes
+        self.late = round(late)
+        if abs(late - self.late) > 1e-9 or self.late >= self.blocks_per_link:
+            raise ConfigurationError(
+                f"latency_minutes = {settings.latency_minutes} must be a multiple of "
+                f"search.block_minutes = {settings.search.block_minutes}, and less than link_hours "
+                f"= {settings.link_hours}"
+            )
+        self.pending: deque[_Block] = deque()
+        self.world = TrueObjects(
+            scene, truth, states, ids, seed, 24.0 * settings.duration_days, settings.process,
+            sensor, appears_hours, eclipse,
+        )  # fmt: skip
         self.origin: list[Indices] = []
         self.catalog = SurveyCatalog(
-            scene, forces, settings.process, settings.region, settings.linking, settings.tracklets
-        )
+            scene, forces, settings.process, settings.region, settings.linking, settings.tracklets,
+            lineage=settings.lineage, limits=limits, magnitude_sigma=settings.magnitude_sigma,
+            errors=errors,
+        )  # fmt: skip
         self.sigma = np.hypot(settings.magnitude_sigma, np.sqrt(limits.noise_variance[:, :1]))
         self.draws = generator(seed, "draws").standard_normal((_DRAWS // 2, 3))
         self.draws = np.concatenate([self.draws, -self.draws])
@@ -217,17 +251,40 @@ class _Survey:
         chance[:, self.density.weight == 0.0] = 0.0
         fields = self.planner.fields_of(seen)
         now = self.catalog.predict(middle * scene.step)
-        visits = self.planner.plan(
-            middle, self.density.weight, fields, chance, *self._known(now, middle)
-        )
+        weight = self._without_pending()
+        visits = self.planner.plan(middle, weight, fields, chance, *self._known(now, middle))
         exposures = self.planner.exposures(visits, start + 1)
-        detections = self._observe(block, start, exposures)
-        angles = self.catalog.add(exposures, detections, start + 1)
+        detections, origin = self.world.observe(block, start, n, exposures)
+        if self.record is not None:
+            self.record(self.world.record(start + 1, exposures, detections, origin))
         self.n_exposures += exposures.step.size
-        new = ~self.catalog.explains(angles, now, middle * scene.step)
-        self._update(visits, detections.exposure[new], angles.rows(new), seen, fields, chance)
+        self.pending.append(
+            _Block(block, start, middle, visits, seen, fields, chance, now, exposures, detections,
+                   origin)
+        )  # fmt: skip
+        while self.pending and self.pending[0].number + self.late <= block:
+            self._receive(self.pending.popleft())
         if (block + 1) % self.blocks_per_link == 0 or block + 1 == self.n_blocks:
             self._link(start + n)
+
+    def _without_pending(self) -> Array:
+        """Weights of the particles as plans use them: less for those whose fields have been
+        observed and whose data have not arrived."""
+        weight = self.density.weight
+        for block in self.pending:
+            visits, weight = block.visits, weight.copy()
+            used = self.settings.search.detection_weight * block.chance
+            for o in range(len(self.planner.grids)):
+                looked = np.isin(block.fields[o], visits.field[visits.observer == o])
+                weight[looked] *= 1.0 - used[o, looked]
+        return weight
+
+    def _receive(self, block: _Block) -> None:
+        """Take up the data of a block."""
+        angles = self.catalog.add(block.exposures, block.detections, block.start + 1)
+        self.origin.append(block.origin)
+        new = ~self.catalog.explains(angles, block.now, block.middle * self.scene.step)
+        self._update(block, block.detections.exposure[new], angles.rows(new))
 
     def _probability(self, seen: Views, size_m2: ArrayLike) -> Array:
         loss = self.settings.process.detection_loss
@@ -246,47 +303,10 @@ class _Survey:
         known = KnownOrbits(position, covariance, now.existence, sample)
         return known, fields, chance.reshape(shape)
 
-    def _observe(self, block: int, start: int, exposures: Exposures) -> Detections:
-        """Simulate the exposures; the origins stay here."""
-        n, n_observers = self.planner.n_steps, len(self.planner.grids)
-        moved = self.motion.advance(n)
-        self.path.append(moved.translation[:, 1 if block else 0 :])
-        n_objects = moved.translation.shape[0]
-        loss = generator(self.seed, "loss", block).random((n_objects, n, n_observers))
-        detections, origin, _ = expose(
-            start + 1,
-            exposures,
-            self.settings.process,
-            self.scene,
-            self.truth.surfaces,
-            self.sensor,
-            moved.translation,
-            moved.quaternion,
-            moved.noise,
-            generator(self.seed, "alarms", block),
-            n_steps=n,
-            command=np.full((n, n_observers), -1),
-            kept=loss >= self.settings.process.detection_loss,
-            origin=start,
-            true=self.truth.sensor,
-        )
-        self.origin.append(origin)
-        if self.record is not None:
-            velocity_changes = self.motion.velocity_changes_m_s
-            self.record(
-                BlockRecord(
-                    start + 1, exposures, detections, origin, moved.translation,
-                    self.motion.maneuvers, velocity_changes,
-                )
-            )  # fmt: skip
-        return detections
-
-    def _update(
-        self, visits: Visits, exposure: Indices, angles: Angles, seen: Views, fields: Indices,
-        chance: Array,
-    ) -> None:  # fmt: skip
+    def _update(self, block: _Block, exposure: Indices, angles: Angles) -> None:
         """Update the density by the exposures and the detections that no orbit explains."""
         model, density = self.settings, self.density
+        visits, seen, fields, chance = block.visits, block.seen, block.fields, block.chance
         turn = self.scene.frame_axes[np.rint(angles.time / self.scene.step).astype(np.int64)]
         inertial = np.einsum("nij,nj->ni", turn, angles.direction)
         width = model.kernel_deg
@@ -309,13 +329,17 @@ class _Survey:
     def _link(self, index: int) -> None:
         """Link, and compare with the truth."""
         scene, day = self.scene, index * self.scene.step_s / SECONDS_PER_DAY
-        self.path = [np.concatenate(self.path, axis=1)]
         orbits, angles = self.catalog.link(), self.catalog.angles
         origin = np.concatenate(self.origin)
-        table = orbit_table(orbits, angles, origin, self.path[0], scene.step, day)
+        table = orbit_table(orbits, angles, origin, self.world.path(), scene.step, day, self.forces)
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
         quality: CatalogState = catalog_state(
-            table, origin, self.tracklets, self.settings.quality, self.outside
+            table,
+            origin,
+            self.tracklets,
+            self.settings.quality,
+            self.outside,
+            self.world.maneuvered(3600.0 * 24.0 * day),
         )
         self.states.append(
             {**quality._asdict(), "day": day, "undetected": self.density.expected,

@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "kept_histories", "log_variables"],
     "initial_conditions": ["ESTIMATOR", "INITIAL_RATE_DEG_H", "epoch_states",
         "initial_estimate", "monitored_targets", "stream"],
+    "observer_truth": ["ObserverTruth", "draw_observer_errors"],
     "realization": ["OUTCOME_NAMES", "USED"],
     "recording": ["Piece", "collect", "fill"],
     "settings": ["LoopSettings", "RECORDABLE"],

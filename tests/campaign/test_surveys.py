@@ -16,7 +16,14 @@ from cislunar.campaign.survey import (
     realization_rows,
     survey_realization,
 )
-from cislunar.dynamics import UNITS, from_inertial, pulsating_frame
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import (
+    UNITS,
+    VELOCITY_UNIT_M_S,
+    from_inertial,
+    propagate_many,
+    pulsating_frame,
+)
 from cislunar.errors import ConfigurationError
 from cislunar.figures.survey import catalog_figure
 from cislunar.survey import SurveyResult
@@ -99,6 +106,72 @@ def test_a_share_of_the_objects_is_outside_of_the_families(monkeypatch):
             back = np.array([from_inertial(state * UNITS, axes) for state in others])
             radius = np.linalg.norm(back[:, :3], axis=1)
             assert np.all(radius < 1.9) and np.all(radius > 0.05)
+
+
+EVERYTHING = {
+    "ephemeris": True,
+    "entering": 1,
+    "deployed": 2,
+    "latency_minutes": 20,
+    "lineage": {"maneuvers_per_day": 1},
+    "cell": {
+        "eclipse": True,
+        "sensor": {"photon_noise": {"aperture_m": 0.15}},
+        "observer_errors": {"pointing_arcsec": 3, "position_m": 100, "treatment": "calibrated"},
+        "dynamics": {"srp": {"assumed_factor": 1.2}},
+        "truth": {
+            "maneuvers": {"drawn": [{"smallest_m_s": 1, "largest_m_s": 5, "interval_hours": 1}]},
+            "reflection": "lambert-phong",
+            "parameter_sigma": {"log_albedo": 0.2},
+        },
+    },
+}
+"""Objects that appear and maneuver, late data, errors of observers, and other bodies and forces."""
+
+
+def test_the_truth_of_a_survey_has_what_its_entry_states(monkeypatch):
+    given = {}
+
+    def taken(scene, truth, state, *args, **more):
+        given.update(truth=truth, state=state, **more)
+        raise StopIteration
+
+    monkeypatch.setattr(realization, "run_survey", taken)
+    survey = StatedSurvey(**SMALL | EVERYTHING)
+    with pytest.raises(StopIteration):
+        survey_realization(
+            "mine", survey, 0, cell_inputs(3, bodies=True), POINTS, settings_of_cell({}),
+            propagator="dop853", seed=3,
+        )  # fmt: skip
+    truth, hours = given["truth"], given["appears_hours"]
+    assert given["eclipse"] and given["observer_errors"].treatment == "calibrated"
+    assert truth.observer_sigma.pointing_arcsec == 3 and truth.sensor is not None
+    assert len(truth.drawn_maneuvers) == 1 and truth.parameter_sigma
+    assert str(given["forces"].radiation) != str(truth.forces.radiation)
+    assert np.all(hours > 0.0) and np.unique(hours).size == 2
+    # the two that are deployed together are at one place then, and hardly move from it
+    when = next(hour for hour in hours if np.count_nonzero(hours == hour) == 2)
+    together = np.flatnonzero(hours == when)
+    time = when * 3600.0 / TIME_UNIT_S
+    there = propagate_many(given["state"][together], [time], forces=truth.forces)[:, 0]
+    apart = there[1] - there[0]
+    assert np.linalg.norm(apart[:3]) < 1e-6
+    assert 0.05 < np.linalg.norm(apart[3:]) * VELOCITY_UNIT_M_S < 10.0
+
+
+def test_a_truth_that_a_survey_cannot_have_is_refused():
+    walk = {"observer_errors": {"pointing_walk_arcsec": 1, "treatment": "calibrated"}}
+    for change, words in (
+        ({"targets": 2, "entering": 2, "deployed": 1}, "entering' = 2 and deployed = 1"),
+        ({"cell": walk}, "constant errors of position and pointing alone"),
+        ({"cell": {"dynamics": {"truth": "ephemeris"}}}, "set 'ephemeris' to true"),
+        ({"cell": {"tasking": {"mode": "paper"}}}, "surveys.mine.cell.tasking"),
+    ):
+        entry = {"architecture": "published", "targets": 5} | change
+        config = merged(read_campaign(ROOT / "config"), {"surveys": {"mine": entry}})
+        with pytest.raises(ConfigurationError, match=words) as caught:
+            check_campaign(config)
+        assert "\n" not in str(caught.value)
 
 
 def test_the_table_has_means_over_realizations(found):

@@ -18,7 +18,7 @@ from cislunar.survey import (
     SurveySettings,
     run_survey,
     sample_prior,
-    simulation,
+    true_objects,
 )
 from cislunar.tasking import TruthModel, tracking_problem
 
@@ -83,7 +83,7 @@ def test_a_survey_is_repeatable(result):
 def test_plans_do_not_depend_on_the_truth(monkeypatch):
     """Without a detection, two truths that have nothing in common give the same plans; the first
     detection makes them differ."""
-    simulated, plans = simulation.expose, []
+    simulated, plans = true_objects.expose, []
 
     def without(first, exposures, *args, **given):
         _, origin, outcome = simulated(first, exposures, *args, **given)
@@ -91,7 +91,7 @@ def test_plans_do_not_depend_on_the_truth(monkeypatch):
         nothing = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
         return Detections(*nothing), origin[:0], outcome
 
-    monkeypatch.setattr(simulation, "expose", without)
+    monkeypatch.setattr(true_objects, "expose", without)
     elsewhere = propagate_bundle(PROBLEM.epoch, 0.3, 1)[::-1, -1].copy()
     for states, seed in ((PROBLEM.epoch, 3), (elsewhere, 4)):
         plans.append([])

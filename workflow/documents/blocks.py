@@ -169,7 +169,7 @@ _NEEDED = {
     real_block.STUDY: "by_day",
     objectives_block.STUDY: "days",
     association_block.STUDY: "largest",
-    catalog_block.STUDY: "largest",
+    **dict.fromkeys(catalog_block.STUDIES, "largest"),
     DYNAMICS: "largest",
     "tracking": "average",
 }
@@ -213,7 +213,7 @@ _MAKERS = {
     real_block.STUDY: real_block.REAL_BLOCKS,
     association_block.STUDY: association_block.ASSOCIATION_BLOCKS,
     maneuver_block.STUDY: maneuver_block.MANEUVER_BLOCKS,
-    catalog_block.STUDY: catalog_block.CATALOG_BLOCKS,
+    **catalog_block.CATALOG_BLOCKS,
     **STUDY_BLOCKS,
 }
 

@@ -1,5 +1,7 @@
-"""The table of surveys without a catalog, from the study ``config/catalog.yaml``."""
+"""The tables of surveys without a catalog, from the studies that consist of surveys."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,11 @@ from .columns import Tables
 from .markdown import DASH, markdown_table
 from .studies import read_study
 
-STUDY = "catalog"
-"""Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
+STUDIES = ("catalog", "survey")
+"""Studies: ``config/NAME.yaml``; their tables in ``docs/tables``, figures in ``docs/images``."""
+
+TABLE = "catalog"
+"""Name of table and figure in the results of each."""
 
 _QUANTITIES = {
     "Findable": ("findable", "{:.0f}", 1.0),
@@ -22,21 +27,24 @@ _QUANTITIES = {
     "Duplicates": ("duplicate", "{:.1f}", 1.0),
     "Wrong of confirmed (%)": ("wrong_share", "{:.2f}", 100.0),
     "Purity (%)": ("purity", "{:.2f}", 100.0),
+    "Maneuvering (%)": ("completeness_maneuvering", "{:.1f}", 100.0),
+    "In custody (%)": ("custody", "{:.1f}", 100.0),
     "NEES": ("nees", "{:.2f}", 1.0),
+    "NEES now": ("nees_now", "{:.2f}", 1.0),
     "Hours to catalog": ("hours_to_catalog", "{:.1f}", 1.0),
 }
 """Columns: quantity, format and factor."""
 
 
-def study_table(results: str | Path) -> pd.DataFrame:
+def study_table(study: str, results: str | Path) -> pd.DataFrame:
     """The table of a finished study, from its folder of results."""
-    return read_study(STUDY, results, STUDY)
+    return read_study(study, results, TABLE)
 
 
-def _surveys(tables: Tables) -> dict[str, str]:
+def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
     rows = []
-    for (name, day), own in tables[STUDY].groupby(["survey", "day"], sort=False):
+    for (name, day), own in tables[study].groupby(["survey", "day"], sort=False):
         found = own.set_index("quantity")
         rows.append([
             name.replace("-", " "), f"{day:g}", int(own["seeds"].max()),
@@ -55,5 +63,7 @@ def _number(found: pd.DataFrame, quantity: str, form: str, factor: float) -> str
     return f"{form.format(mean)} [{form.format(max(low, 0.0))}, {form.format(high)}]"
 
 
-CATALOG_BLOCKS = {STUDY: _surveys}
-"""What makes each block of the study, by name."""
+CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {
+    study: {study: partial(_surveys, study)} for study in STUDIES
+}
+"""What makes each block, by study and name."""

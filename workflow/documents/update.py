@@ -52,8 +52,9 @@ TABLES = (
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
 _STUDIES |= {
     each.STUDY: each.study_table
-    for each in (real_block, objectives_block, association_block, catalog_block, maneuver_block)
+    for each in (real_block, objectives_block, association_block, maneuver_block)
 }
+_STUDIES |= {name: partial(catalog_block.study_table, name) for name in catalog_block.STUDIES}
 """What makes the table of each study from its folder of results."""
 
 _FIGURES = {
@@ -62,7 +63,7 @@ _FIGURES = {
     objectives_block.STUDY: objectives_block.STUDY,
     association_block.STUDY: association_block.STUDY,
     maneuver_block.STUDY: maneuver_block.STUDY,
-    catalog_block.STUDY: catalog_block.STUDY,
+    **dict.fromkeys(catalog_block.STUDIES, catalog_block.TABLE),
 }
 """Figure of a study's results that ``docs/images`` holds under the study's name."""
 

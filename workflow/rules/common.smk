@@ -15,7 +15,7 @@ from cislunar.campaign.settings.preflight import (
     check_request,
     crowded_objectives,
 )
-from cislunar.campaign.settings.reading import typed, with_types
+from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
     information_of,
@@ -385,9 +385,9 @@ def survey_of(wildcards):
 
 
 def survey_cell(wildcards):
-    """Settings of the cells of a survey's scenario."""
+    """Settings of the cells of a survey's scenario, with the changes of the survey."""
     chosen = settings_in(survey_of(wildcards)["scenario"], "task2")["task2"]
-    return cell_settings(chosen)
+    return merged(cell_settings(chosen), survey_of(wildcards)["cell"])
 
 
 def survey_ephemeris(wildcards):

@@ -7,7 +7,7 @@ from typing import Any
 
 from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront
 from cislunar.campaign.settings.cell_settings import cell_settings
-from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
+from cislunar.campaign.settings.cell_tree import CellChange, CellSettings, Dynamics
 from cislunar.campaign.settings.cells import variant_place
 from cislunar.campaign.settings.families import (
     check_families,
@@ -15,7 +15,7 @@ from cislunar.campaign.settings.families import (
     sweep_points,
     with_families,
 )
-from cislunar.campaign.settings.reading import checked, typed
+from cislunar.campaign.settings.reading import checked, merged, typed
 from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
@@ -32,6 +32,7 @@ from cislunar.campaign.settings.tree import (
     Visibility,
 )
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.runtime.settings_fields import is_multiple
 from cislunar.runtime.settings_words import shown
 
@@ -267,6 +268,7 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
                 f"{key}.outside_families' = {share} replaces none of {objects} objects; give 0, or "
                 f"at least {1.0 / objects:.2g}"
             )
+        _check_survey_truth(config, name, survey)
         days = scenario_settings(config, scenario)["visibility"]["duration_days"]
         if survey["last_start_day"] + survey["duration_days"] > days:
             raise ConfigurationError(
@@ -274,6 +276,30 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
                 f"{survey['duration_days']} exceed the ephemeris, which covers "
                 f"'visibility.duration_days' = {days}"
             )
+
+
+def _check_survey_truth(config: Mapping[str, Any], name: str, survey: Mapping[str, Any]) -> None:
+    """Refuse a truth that a survey cannot simulate, or its catalog cannot treat."""
+    key, objects = f"configuration key 'surveys.{name}", survey["targets"]
+    if survey["entering"] + survey["deployed"] > objects:
+        raise ConfigurationError(
+            f"{key}.entering' = {survey['entering']} and deployed = {survey['deployed']} exceed "
+            f"the {objects} objects; lower them"
+        )
+    own = merged(scenario_settings(config, survey["scenario"])["task2"], survey["cell"])
+    errors = typed(own.get("observer_errors", {}), ObserverErrors)
+    dynamics = typed(own.get("dynamics", {}), Dynamics)
+    if errors.treatment != "none" and (errors.assumed.walk().any() or errors.assumed.clock_s):
+        raise ConfigurationError(
+            f"{key}.cell.observer_errors.treatment' = {errors.treatment!r}: a survey treats "
+            "constant errors of position and pointing alone; set those of the prior that walk, and "
+            "clock_s, to 0"
+        )
+    if not survey["ephemeris"] and dynamics.truth != dynamics.filter:
+        raise ConfigurationError(
+            f"{key}.cell.dynamics': truth = {dynamics.truth!r} and filter = {dynamics.filter!r} "
+            "differ; a survey needs the same dynamics, set 'ephemeris' to true"
+        )
 
 
 def _check_windows(

@@ -202,6 +202,14 @@ class Sweep(Family):
         "label of the figure's axis, with the unit; left out: the key")
 
 
+SurveyCell = partial(
+    CellSettings,
+    ("sensor", "sensors", "stations", "observer_errors", "eclipse", "dynamics", "body", "material",
+     "photometry", "truth"),
+)  # fmt: skip
+"""Settings of a cell that a survey may change; the others have no effect on it."""
+
+
 class StatedSurvey(SurveyModel):
     """A survey that starts without a catalog."""
 
@@ -220,6 +228,18 @@ class StatedSurvey(SurveyModel):
     prior_table: Text | None = setting(
         "table of states at the epoch for the share `prior.table`, with the columns of "
         "`scenarios.NAME.tracked`; null: none", "path", default=None)
+    entering: whole(ge=0) = setting(
+        "number of the objects that enter during the run: each exists from a time on that is "
+        "uniform between 10 % and 70 % of the duration", "1", default=0)
+    deployed: whole(ge=0) = setting(
+        "number of the objects that are deployed together, between 20 % and 50 % of the duration, "
+        "and do not exist before", "1", default=0)
+    deployment_m_s: Positive = setting(
+        "standard deviation of a component of the velocity with which an object is deployed", "m/s",
+        default=1)
+    cell: SurveyCell = setting(
+        "changes of the settings of the scenario's cells, with their keys: of truth, observation, "
+        "dynamics and errors of the observers", default=SurveyCell())
     ephemeris: Flag = setting(
         "true: truth and assumed motion in ephemeris dynamics; false: in the dynamics of the "
         "scenario's cells", default=False)

@@ -19,7 +19,13 @@ from cislunar.campaign.tracking.cell import (
     target_labels,
     tracking_problem,
 )
-from cislunar.dynamics import EphemerisForces
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import (
+    VELOCITY_UNIT_M_S,
+    EphemerisForces,
+    of_targets,
+    propagate_many,
+)
 from cislunar.runtime.seeds import generator
 from cislunar.survey import (
     ObjectDensity,
@@ -37,6 +43,9 @@ from cislunar.targets import (
     objects_outside_families,
     replace_targets,
 )
+
+_ENTERING, _DEPLOYMENT = (0.1, 0.7), (0.2, 0.5)
+"""Shares of the duration between which objects enter, and within which the deployment is."""
 
 _DAYS = (1.0, 3.0, 7.0)
 """Days whose quality the table has, besides the last."""
@@ -86,10 +95,7 @@ def survey_realization(
         "start_day": survey.last_start_day * number / max(1, survey.realizations - 1),
         "monitored_seed": realization_seeds(seed, 1, number)[0],
     }
-    if survey.ephemeris:
-        change = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}}
-        own = merged(own, change)
-    cell_settings = typed(own, CellSettings, f"surveys.{name}")
+    cell_settings = typed(_settings(own, survey), CellSettings, f"surveys.{name}")
     cell = Cell(survey.scenario, survey.architecture, "mukf", survey.targets, 60)
     loop = loop_settings(cell_settings, cell.interval_minutes)
     problem = tracking_problem(cell, inputs, cell_settings, propagator, loop)
@@ -109,8 +115,10 @@ def survey_realization(
         chosen.prior.expected_objects,
         forces=problem.forces,
         region=chosen.region,
+        births_per_day=chosen.prior.births_per_day,
     )
     objects, outside = _objects(survey, problem, inputs, own_seed)
+    objects, appears_hours = _appearing(survey, objects, problem.truth.forces, own_seed)
     return run_survey(
         problem.scene,
         problem.truth,
@@ -122,8 +130,43 @@ def survey_realization(
         sensor=problem.sensor,
         forces=problem.forces,
         outside=outside,
+        appears_hours=appears_hours,
+        eclipse=cell_settings.eclipse,
+        observer_errors=cell_settings.observer_errors,
         progress=progress,
     )
+
+
+def _settings(settings: Mapping[str, Any], survey: StatedSurvey) -> dict[str, Any]:
+    """The settings of the cells of a survey's scenario with the survey's changes of truth and
+    observation, and its dynamics."""
+    own = dict(settings)
+    if survey.ephemeris:
+        own = merged(own, {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}})
+    return merged(own, survey.cell.model_dump())
+
+
+def _appearing(
+    survey: StatedSurvey, state: NDArray[np.float64], forces: tuple, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States at the start, and hours from which the objects exist. The states of objects that are
+    deployed together are those of one of them at the time of the deployment, each with a normal
+    change of velocity, propagated back to the start."""
+    rng, states = generator(seed, "appearing objects"), state.copy()
+    hours = np.zeros(len(state))
+    chosen = rng.permutation(len(state))[: survey.entering + survey.deployed]
+    entering, together = chosen[: survey.entering], chosen[survey.entering :]
+    hours[entering] = 24.0 * survey.duration_days * rng.uniform(*_ENTERING, entering.size)
+    if together.size:
+        hours[together] = when = 24.0 * survey.duration_days * rng.uniform(*_DEPLOYMENT)
+        time = 3600.0 * when / TIME_UNIT_S
+        given = {"forces": of_targets(forces, together[:1]), "method": "dop853"}
+        there = propagate_many(state[together[:1]], [time], **given)[:, 0]
+        there = np.repeat(there, together.size, axis=0)
+        kick = survey.deployment_m_s * rng.standard_normal((together.size, 3))
+        there[:, 3:] += kick / VELOCITY_UNIT_M_S
+        states[together] = propagate_many(there, [-time], start=time, **given)[:, 0]
+    return states, hours
 
 
 def _objects(

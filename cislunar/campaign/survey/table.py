@@ -10,10 +10,11 @@ from cislunar.evaluation.intervals import t_interval
 from cislunar.survey import SOURCES
 
 QUANTITIES = (
-    "detected", "findable", "right", "wrong", "false", "duplicate", "candidates", "linked_share",
-    "completeness", "completeness_all", "completeness_inside", "completeness_outside",
-    "completeness_all_inside", "completeness_all_outside", "purity", "wrong_share", "nees",
-    "median_error_km", "hours_to_catalog", "undetected",
+    "detected", "findable", "right", "wrong", "false", "duplicate", "candidates",
+    "linked_share", "completeness", "completeness_all", "completeness_inside",
+    "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
+    "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "median_error_km",
+    "hours_to_catalog", "undetected",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
 findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
@@ -69,6 +70,8 @@ def catalog_rows(
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
         for day, own in found.groupby(found["day"].round(6), sort=True):
             for quantity in QUANTITIES:
+                if quantity not in own:
+                    continue
                 values = own[quantity].to_numpy(dtype=float)
                 values = values[np.isfinite(values)]
                 if values.size == 0:

@@ -1,0 +1,376 @@
+"""Orbits of one object before and after a maneuver.
+
+The linking of detections finds an orbit of its own for the detections after a maneuver. Two orbits,
+a before and b after a gap without detections of either, are of one object that changed its velocity
+by v at a time t of the gap, or of two objects. States at t have independent normal errors with the
+covariances P_a and P_b, and v is normal with the variance s^2 of each component, one of several
+scales. With the difference z(t) = x_b(t) - x_a(t), the rate r of maneuvers, and the density n of
+states of unknown objects, the ratio of the likelihoods is
+
+    L = r / n int mean over s of N(z(t); 0, P_a + P_b + diag(0, s^2)) dt,                       (1)
+
+because an unknown object of the density n is at x_b with the likelihood that the detections give
+it, and phase-space volume does not change with time. Within a short interval z moves along a
+straight line, so that its part of the integral is an integral of the normal distribution. The
+change of velocity and the state after it follow by linear estimation in each interval and scale,
+and from the moments of their mixture.
+
+An orbit has one successor and one predecessor at most; the set of pairs of the largest sum of ln L
+is chosen (Crouse 2016, IEEE Transactions on Aerospace and Electronic Systems 52, 1679). Only what
+the catalog knows is used.
+
+Assumptions and limitations
+---------------------------
+- A maneuver is an impulse, and there is one in a gap.
+- The distributions of both orbits are normal in the gap.
+- That b was not detected between t and its first detection does not count.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.special import log_ndtr, logsumexp, ndtr
+
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics import VELOCITY_UNIT_M_S, propagate_stm
+from cislunar.errors import CislunarError
+from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits
+from cislunar.survey.settings import LineageSettings
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_COARSE_S, _FINE_S = 600.0, 60.0
+"""Longest intervals of a search for encounters, and of the integral of equation (1)."""
+
+_GATE, _CURVED = 8.0, 0.02
+"""Gate of an encounter in standard deviations, and the share of the relative displacement within an
+interval by which a straight line may be wrong."""
+
+_TOLERANCE = 1e-9
+"""Of the propagation, relative to one unit of length."""
+
+_WIDE, _MASS = 1e-3, 1e-9
+"""Width of an interval in standard deviations, and probability of it, below which its moments are
+taken to be uniform, or at its end."""
+
+_AT_ONCE = 64
+"""Orbits whose transition matrices are held at once."""
+
+
+class OrbitPaths(NamedTuple):
+    """Orbits at common times.
+
+    Attributes
+    ----------
+    time : ndarray, shape (time,)
+        Nondimensional, at equal steps.
+    state : ndarray, shape (orbit, time, 6)
+        Nondimensional, propagation frame; those of an orbit that meets a body are NaN.
+    covariance : ndarray, shape (orbit, time, 3, 3)
+        Of the positions.
+    """
+
+    time: Array
+    state: Array
+    covariance: Array
+
+
+class Lineage(NamedTuple):
+    """Pairs of orbits before and after a maneuver, in the order of successors.
+
+    Attributes
+    ----------
+    before, after : ndarray of int, shape (pair,)
+        Indices of orbits.
+    log_ratio : ndarray, shape (pair,)
+        Logarithm of the ratio of likelihoods, equation (1).
+    probability : ndarray, shape (pair,)
+        That the pair is of one object, among all pairs of either orbit.
+    time, time_sigma : ndarray, shape (pair,)
+        Time of the maneuver and its standard deviation, nondimensional.
+    velocity_m_s : ndarray, shape (pair, 3)
+        Change of velocity, propagation frame.
+    velocity_covariance : ndarray, shape (pair, 3, 3)
+        m^2/s^2.
+    state, covariance : ndarray, shapes (pair, 6) and (pair, 6, 6)
+        State after the maneuver at the epoch of the later orbit, from both orbits; nondimensional.
+    """
+
+    before: Indices
+    after: Indices
+    log_ratio: Array
+    probability: Array
+    time: Array
+    time_sigma: Array
+    velocity_m_s: Array
+    velocity_covariance: Array
+    state: Array
+    covariance: Array
+
+
+class _Solution(NamedTuple):
+    """Equation (1) for a pair, without r / n, and the moments of its mixture: of time, change of
+    velocity, and the state at the epoch of the later orbit; nondimensional."""
+
+    log_integral: float
+    time: tuple[float, float]
+    velocity: tuple[Array, Array]
+    state: tuple[Array, Array]
+
+
+def orbit_paths(
+    fits: OrbitFits, first: float, last: float, *, forces: tuple, step_s: float = _COARSE_S
+) -> OrbitPaths:
+    """Orbits and covariances of their positions at common times.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits.
+    first, last : float
+        Times between which the paths are sought, nondimensional.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    step_s : float
+        Largest step, s.
+
+    Returns
+    -------
+    OrbitPaths
+    """
+    count = max(1, int(np.ceil((last - first) * TIME_UNIT_S / step_s - 1e-9)))
+    time, n = np.linspace(first, last, count + 1), fits.epoch.size
+    state, covariance = np.empty((n, time.size, 6)), np.empty((n, time.size, 3, 3))
+    for begin in range(0, n, _AT_ONCE):
+        own = slice(begin, begin + _AT_ONCE)
+        moved, stm = _propagated(fits.state[own], fits.epoch[own], time, forces)
+        state[own], upper = moved, stm[:, :, :3]
+        covariance[own] = upper @ fits.covariance[own, None] @ upper.swapaxes(2, 3)
+    return OrbitPaths(time, state, covariance)
+
+
+def _propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
+    """States (n, m, 6) and transition matrices at common times; NaN where there is none."""
+    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
+    try:
+        return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
+    except CislunarError:
+        if len(state) == 1:
+            shape = 1, time.size, 6
+            return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
+    parts = [_propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+
+
+def find_lineage(
+    fits: OrbitFits,
+    angles: Angles,
+    before: NDArray[np.bool_],
+    after: NDArray[np.bool_],
+    *,
+    forces: tuple,
+    region: AdmissibleRegion,
+    expected_objects: float,
+    settings: LineageSettings,
+    paths: OrbitPaths,
+) -> Lineage:
+    """Find orbits of one object before and after a maneuver.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits of all orbits.
+    angles : Angles
+        Detections, to whose rows the fits refer.
+    before, after : ndarray of bool, shape (orbit,)
+        Which orbits may be those before, and those after a maneuver.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    region : AdmissibleRegion
+        With `expected_objects`, the density of states of unknown objects, nondimensional.
+    expected_objects : float
+        Expected number of unknown objects in the region.
+    settings : LineageSettings
+    paths : OrbitPaths
+        Of all orbits, over all gaps.
+
+    Returns
+    -------
+    Lineage
+    """
+    first, last = (angles.time[fits.row[each]] for each in (fits.begin[:-1], fits.begin[1:] - 1))
+    longest = settings.longest_gap_h * 3600.0 / TIME_UNIT_S
+    rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
+    constant = np.log(rate) - region.log_density - np.log(expected_objects)
+    later = np.flatnonzero(after)
+    found: dict[tuple[int, int], _Solution] = {}
+    for a in np.flatnonzero(before).tolist():
+        gap = first[later] - last[a]
+        for b in later[(gap > 0.0) & (gap <= longest)].tolist():
+            near = _encounters(paths, a, b, last[a], first[b])
+            if near.size:
+                solution = _solved(fits, a, b, near, paths, (last[a], first[b]), forces, settings)
+                if solution is not None:
+                    found[a, b] = solution
+    ratio = {pair: constant + each.log_integral for pair, each in found.items()}
+    chosen = _assigned(ratio)
+    parts = []
+    for a, b in chosen:
+        # one of: two objects, this pair, another pair with one of these orbits
+        others = [each for pair, each in ratio.items() if pair[0] == a or pair[1] == b]
+        probability = float(np.exp(ratio[a, b] - logsumexp([0.0, *others])))
+        if probability >= settings.least_probability:
+            parts.append((a, b, probability))
+    kept = [found[a, b] for a, b, _ in parts]
+    unit = VELOCITY_UNIT_M_S
+    return Lineage(
+        np.array([a for a, *_ in parts], dtype=np.int64),
+        np.array([b for _, b, _ in parts], dtype=np.int64),
+        np.array([ratio[a, b] for a, b, _ in parts]),
+        np.array([probability for *_, probability in parts]),
+        np.array([each.time[0] for each in kept]),
+        np.sqrt(np.array([each.time[1] for each in kept])),
+        unit * np.array([each.velocity[0] for each in kept]).reshape(-1, 3),
+        unit**2 * np.array([each.velocity[1] for each in kept]).reshape(-1, 3, 3),
+        np.array([each.state[0] for each in kept]).reshape(-1, 6),
+        np.array([each.state[1] for each in kept]).reshape(-1, 6, 6),
+    )
+
+
+def _assigned(ratio: dict[tuple[int, int], float]) -> list[tuple[int, int]]:
+    """Pairs with the largest sum of positive logarithms, in the order of the later orbits."""
+    if not ratio:
+        return []
+    rows, columns = (sorted({pair[side] for pair in ratio}) for side in (0, 1))
+    worth = np.zeros((len(rows), len(columns)))
+    for (a, b), value in ratio.items():
+        worth[rows.index(a), columns.index(b)] = max(value, 0.0)
+    taken = linear_sum_assignment(worth, maximize=True)
+    pairs = [(rows[i], columns[j]) for i, j in zip(*taken, strict=True) if worth[i, j] > 0.0]
+    return sorted(pairs, key=lambda pair: pair[1])
+
+
+def _encounters(paths: OrbitPaths, a: int, b: int, begin: float, end: float) -> Indices:
+    """Times of the paths next to which two orbits may meet within a gap."""
+    half = 0.5 * (paths.time[1] - paths.time[0])
+    near = np.flatnonzero((paths.time >= begin - half) & (paths.time <= end + half))
+    apart = paths.state[b, near] - paths.state[a, near]
+    d, w = apart[:, :3], apart[:, 3:]
+    speed2 = np.sum(w * w, axis=1)
+    closest = np.clip(-np.sum(d * w, axis=1) / np.where(speed2 > 0.0, speed2, 1.0), -half, half)
+    miss = np.linalg.norm(d + closest[:, None] * w, axis=1)
+    spread = np.trace(paths.covariance[a, near] + paths.covariance[b, near], axis1=1, axis2=2)
+    return near[miss <= _GATE * np.sqrt(spread) + _CURVED * half * np.sqrt(speed2)]
+
+
+def _solved(
+    fits: OrbitFits,
+    a: int,
+    b: int,
+    near: Indices,
+    paths: OrbitPaths,
+    gap: tuple[float, float],
+    forces: tuple,
+    settings: LineageSettings,
+) -> _Solution | None:
+    """Equation (1) next to some times; none if an orbit meets a body."""
+    count = max(1, int(np.ceil((gap[1] - gap[0]) * TIME_UNIT_S / _FINE_S)))
+    width = (gap[1] - gap[0]) / count
+    time = gap[0] + width * (np.arange(count) + 0.5)
+    step = paths.time[1] - paths.time[0]
+    time = time[np.isin(np.rint((time - paths.time[0]) / step).astype(np.int64), near)]
+    if time.size == 0:
+        return None
+    pair = [a, b]
+    state, stm = _propagated(fits.state[pair], fits.epoch[pair], time, forces)
+    if not np.all(np.isfinite(state)):
+        return None
+    mapped = stm @ fits.covariance[pair, None]
+    covariance = mapped @ stm.swapaxes(2, 3)
+    z, velocity = state[1] - state[0], np.zeros((time.size, 6))
+    velocity[:, :3] = z[:, 3:]
+    solutions = [
+        _components(z, velocity, covariance, mapped[1], scale / VELOCITY_UNIT_M_S, width)
+        for scale in settings.scales_m_s
+    ]
+    log_weight, shift, spread, change, change_spread, moved, reduced = (
+        np.concatenate(each) for each in zip(*solutions, strict=True)
+    )
+    total = float(logsumexp(log_weight))
+    if not np.isfinite(total):
+        return None
+    share = np.exp(log_weight - total)
+    when = np.tile(time, len(solutions)) + shift
+    mean_time = float(share @ when)
+    change_mean, change_covariance = _moments(share, change, change_spread)
+    correction, lower = _moments(share, moved, reduced)
+    return _Solution(
+        total - np.log(len(solutions)),
+        (mean_time, float(share @ (spread + (when - mean_time) ** 2))),
+        (change_mean, change_covariance),
+        (fits.state[b] + correction, lower + fits.covariance[b]),
+    )
+
+
+def _components(
+    z: Array, rate: Array, covariance: Array, mapped: Array, scale: float, width: float
+) -> tuple[Array, ...]:
+    """The mixture of one scale over intervals: logarithms of the integrals; mean and variance of
+    the time after the middle; change of velocity, its covariance; correction of the state at the
+    epoch of the later orbit, and that of its covariance."""
+    s = covariance[0] + covariance[1]
+    s[:, range(3, 6), range(3, 6)] += scale**2
+    solved = np.linalg.solve(s, np.stack([z, rate], axis=2))
+    c, b, a = (
+        np.einsum("ni,ni->n", one, solved[:, :, k]) for one, k in ((z, 0), (z, 1), (rate, 1))
+    )
+    closest, root = -b / a, np.sqrt(a)
+    low, high = ((side * 0.5 * width - closest) * root for side in (-1.0, 1.0))
+    # the difference of two normal distributions, in the tail where it is accurate
+    flip = low > 0.0
+    low, high = np.where(flip, -high, low), np.where(flip, -low, high)
+    inside = log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
+    log_weight = (
+        -0.5 * (c - b * b / a) - 0.5 * np.linalg.slogdet(2.0 * np.pi * s)[1]
+        + 0.5 * np.log(2.0 * np.pi / a) + inside
+    )  # fmt: skip
+    shift, variance = _truncated(low, high, flip, closest, root, width)
+    there = solved[:, :, 0] + shift[:, None] * solved[:, :, 1]
+    gain = scale**2 * np.linalg.inv(s)
+    along = scale**2 * solved[:, 3:, 1]
+    change_spread = scale**2 * (np.eye(3) - gain[:, 3:, 3:])
+    change_spread += variance[:, None, None] * along[:, :, None] * along[:, None]
+    # P_b is of the epoch, z of the time: cov(x_b, z) is the transposed product
+    cross = mapped.swapaxes(1, 2)
+    correction = -np.einsum("nij,nj->ni", cross, there)
+    drift = np.einsum("nij,nj->ni", cross, solved[:, :, 1])
+    reduced = variance[:, None, None] * drift[:, :, None] * drift[:, None]
+    reduced -= cross @ np.linalg.solve(s, mapped)
+    return log_weight, shift, variance, scale**2 * there[:, 3:], change_spread, correction, reduced
+
+
+def _truncated(
+    low: Array, high: Array, flip: NDArray[np.bool_], closest: Array, root: Array, width: float
+) -> tuple[Array, Array]:
+    """Mean and variance of normal distributions of the mean `closest` and the standard deviation
+    1 / `root` within +- width / 2; limits are standardized, and mirrored where `flip`."""
+    mass = ndtr(high) - ndtr(low)
+    usual = (high - low > _WIDE) & (mass > _MASS)
+    mass = np.where(usual, mass, 1.0)
+    first, last = (np.exp(-0.5 * each**2) / np.sqrt(2.0 * np.pi) for each in (low, high))
+    offset = (first - last) / mass
+    spread = 1.0 + (low * first - high * last) / mass - offset**2
+    mean = closest + np.where(flip, -offset, offset) / root
+    nearest = np.clip(closest, -0.5 * width, 0.5 * width)
+    nearest = np.where(high - low > _WIDE, nearest, 0.0)
+    return np.where(usual, mean, nearest), np.where(usual, spread / root**2, width**2 / 12.0)
+
+
+def _moments(share: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """Mean and covariance of a mixture."""
+    whole = share @ mean
+    off = mean - whole
+    return whole, np.einsum("n,nij->ij", share, covariance) + (share[:, None] * off).T @ off

@@ -1,0 +1,157 @@
+"""Exposures that would have detected a known orbit's object, had it been where it is predicted.
+
+For each exposure after the last detection of an orbit, in whose field the predicted direction lies
+with three standard deviations of margin, the probability p of a detection follows from the size and
+the scatter that the orbit's own magnitudes imply. It is zero if there is a detection next to the
+predicted direction, whether it has been linked or not. Brightness varies slowly, so that the visits
+of an observer within a block of time count as one, with the largest p. The probability of no
+detection is
+
+    m = product of (1 - c p),                                                                  (1)
+
+with c < 1 because the assumed brightness of a sphere is not that of the body.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.observation import Scene, SensorLimits
+from cislunar.orbit_determination import Angles, OrbitFits, implied_size
+from cislunar.survey.fields import detection_probability, views
+from cislunar.survey.maneuvers.lineage import OrbitPaths
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_TRUST = 0.9
+"""c of equation (1)."""
+
+_MARGIN = 3.0
+"""Standard deviations of the direction between it and the edge of a field."""
+
+_NEXT = np.deg2rad(0.02)
+"""Distance within which a detection, besides these standard deviations, may be of the orbit."""
+
+
+class FieldHistory(NamedTuple):
+    """Exposures of a survey so far, sorted by time.
+
+    Attributes
+    ----------
+    index : ndarray of int, shape (exposure,)
+        Times of the scene.
+    observer : ndarray of int, shape (exposure,)
+    boresight : ndarray, shape (exposure, 3)
+        Unit vectors, propagation frame.
+    half_field : ndarray, shape (exposure,)
+        rad.
+    """
+
+    index: Indices
+    observer: Indices
+    boresight: Array
+    half_field: Array
+
+
+def log_missed(
+    fits: OrbitFits,
+    angles: Angles,
+    which: Indices,
+    paths: OrbitPaths,
+    *,
+    fields: FieldHistory,
+    scene: Scene,
+    limits: SensorLimits,
+    magnitude_sigma: float,
+    loss: float,
+    block_s: float,
+) -> Array:
+    """Logarithm of the probability that no exposure since its last detection detected the object of
+    an orbit, if it is where it is predicted.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits of all orbits.
+    angles : Angles
+        Detections, to whose rows the fits refer.
+    which : ndarray of int, shape (n,)
+        Orbits.
+    paths : OrbitPaths
+        Of all orbits, to the last exposure.
+    fields : FieldHistory
+    scene : Scene
+    limits : SensorLimits
+        Of all observers.
+    magnitude_sigma : float
+        Standard deviation of magnitudes about those of a sphere, mag.
+    loss : float
+        Share of detectable objects that an exposure loses.
+    block_s : float
+        Time within which the exposures of an observer count as one, s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Equation (1); 0 for an orbit of unknown brightness.
+    """
+    out = np.zeros(which.size)
+    last = angles.time[fits.row[fits.begin[which + 1] - 1]]
+    size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
+    known = np.isfinite(size)
+    sigma = np.hypot(np.maximum(magnitude_sigma, scatter), np.sqrt(limits.noise_variance[:, :1]))
+    block = np.floor(fields.index * scene.step_s / block_s + 1e-9).astype(np.int64)
+    after = np.unique(fields.index[fields.index * scene.step > last.min(initial=np.inf)])
+    best = np.zeros((which.size, limits.half_field.size))
+    current = -1
+    for k in after.tolist():
+        now = slice(*np.searchsorted(fields.index, [k, k + 1]).tolist())
+        time = k * scene.step
+        unseen = np.flatnonzero(known & (last < time - 0.5 * scene.step))
+        if unseen.size == 0:
+            continue
+        if block[now.start] != current:
+            out += np.log1p(-_TRUST * best).sum(axis=1)
+            best[:], current = 0.0, block[now.start]
+        position, spread = _predicted(paths, which[unseen], time)
+        good = np.isfinite(position).all(axis=1)
+        unseen, position, spread = unseen[good], position[good], spread[good]
+        margin = views(scene, limits, k, position).margin
+        chance = detection_probability(margin, size[unseen], sigma[:, unseen], loss)
+        seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
+        for e in range(now.start, now.stop):
+            o = int(fields.observer[e])
+            way = position - scene.observer_position[o, k]
+            distance = np.linalg.norm(way, axis=1)
+            off = np.arccos(np.clip(way @ fields.boresight[e] / distance, -1.0, 1.0))
+            gate = _MARGIN * spread / distance
+            inside = off + gate <= fields.half_field[e]
+            found = angles.direction[seen][angles.observer[seen] == o]
+            if found.size:
+                unit = way / distance[:, None]
+                apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)
+                inside &= apart > gate + _NEXT
+            rows = unseen[inside]
+            best[rows, o] = np.maximum(best[rows, o], chance[o, inside])
+    return out + np.log1p(-_TRUST * best).sum(axis=1)
+
+
+def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
+    own = slice(fits.begin[k], fits.begin[k + 1])
+    return implied_size(fits.position[own], angles.rows(fits.row[own]))
+
+
+def _predicted(paths: OrbitPaths, which: Indices, time: float) -> tuple[Array, Array]:
+    """Positions (n, 3) by cubic interpolation between times, and standard deviations (n,)."""
+    step = paths.time[1] - paths.time[0]
+    k = int(np.clip((time - paths.time[0]) // step, 0, paths.time.size - 2))
+    u = (time - paths.time[k]) / step
+    one, two = paths.state[which, k], paths.state[which, k + 1]
+    position = (
+        (1.0 + 2.0 * u) * (1.0 - u) ** 2 * one[:, :3] + u**2 * (3.0 - 2.0 * u) * two[:, :3]
+        + step * u * (1.0 - u) * ((1.0 - u) * one[:, 3:] - u * two[:, 3:])
+    )  # fmt: skip
+    variance = np.trace(paths.covariance[which, k + (u > 0.5)], axis1=1, axis2=2)
+    return position, np.sqrt(variance)

@@ -1,0 +1,193 @@
+"""Status of the orbits of a catalog whose objects may maneuver."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.observation import Scene, SensorLimits
+from cislunar.orbit_determination import (
+    ORBIT,
+    AdmissibleRegion,
+    Angles,
+    LinkedOrbits,
+    LinkingSettings,
+    OrbitFits,
+    concatenate_fits,
+    fit_orbits,
+)
+from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
+from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
+from cislunar.survey.maneuvers.misses import FieldHistory, log_missed
+from cislunar.survey.settings import LineageSettings
+
+CURRENT, LOST, SUPERSEDED = "current", "lost", "superseded"
+"""Status of an orbit: where its object is; not there any more, by exposures without a detection;
+that of its object before a maneuver, after which another orbit is known."""
+
+
+class Watch(NamedTuple):
+    """What tells whether an orbit's object would have been detected; see `log_missed`.
+
+    Attributes
+    ----------
+    fields : FieldHistory
+    scene : Scene
+    limits : SensorLimits
+    magnitude_sigma, loss, block_s : float
+    """
+
+    fields: FieldHistory
+    scene: Scene
+    limits: SensorLimits
+    magnitude_sigma: float
+    loss: float
+    block_s: float
+
+
+class ManeuveredOrbits(NamedTuple):
+    """Orbits of a catalog after a search for maneuvers.
+
+    Attributes
+    ----------
+    orbits : LinkedOrbits
+        In the given order. Superseded and lost orbits are not confirmed. An orbit after a maneuver
+        is confirmed if the one before it is; if its detections alone do not confirm it, its state
+        is that of both orbits.
+    status : tuple of str
+        CURRENT, LOST or SUPERSEDED.
+    lineage : Lineage
+        Indices are those of the orbits.
+    """
+
+    orbits: LinkedOrbits
+    status: tuple[str, ...]
+    lineage: Lineage
+
+
+def maneuvered_orbits(
+    linked: LinkedOrbits,
+    angles: Angles,
+    *,
+    forces: tuple,
+    region: AdmissibleRegion,
+    linking: LinkingSettings,
+    settings: LineageSettings,
+    watch: Watch | None = None,
+    fit: Callable[..., OrbitFits] = fit_orbits,
+) -> ManeuveredOrbits:
+    """Search the orbits of a catalog for maneuvers.
+
+    Parameters
+    ----------
+    linked : LinkedOrbits
+    angles : Angles
+        All detections so far, to whose rows the orbits refer.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    region : AdmissibleRegion
+    linking : LinkingSettings
+    settings : LineageSettings
+    watch : Watch, optional
+        Without it no orbit is lost.
+    fit : callable
+        Fits orbits, as `cislunar.orbit_determination.fit_orbits`, which is the default.
+
+    Returns
+    -------
+    ManeuveredOrbits
+    """
+    least = linking.confirmation.least_log_ratio
+    single = np.array([each == ORBIT for each in linked.verdict], dtype=bool)
+    own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
+    fits, sure = linked.fits.take(own), linked.confirmed[own].copy()
+    status = np.full(linked.log_ratio.size, CURRENT, dtype=object)
+    last = angles.time[fits.row[fits.begin[1:] - 1]]
+    now = float(angles.time[-1]) if angles.time.size else 0.0
+    if watch is not None and watch.fields.index.size:
+        now = max(now, float(watch.fields.index[-1]) * watch.scene.step)
+    first = float(angles.time[fits.row[fits.begin[:-1]]].min(initial=now))
+    paths = orbit_paths(fits, first, now, forces=forces)
+    everything = np.ones(own.size, dtype=bool)
+    given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
+             "settings": settings}  # fmt: skip
+    found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
+    fits, changed = _divided(fits, angles, found, paths, linking, fit, given)
+    if changed.size:
+        last = angles.time[fits.row[fits.begin[1:] - 1]]
+        paths = orbit_paths(fits, first, now, forces=forces)
+        found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
+    # in order of time, so that a chain of orbits is confirmed from its begin on
+    order = np.argsort(last[found.before], kind="stable")
+    kept = [pair for pair in order.tolist() if _confirm(sure, found, pair)]
+    found = Lineage(*(each[np.array(sorted(kept), dtype=np.int64)] for each in found))
+    before, after = own[found.before], own[found.after]
+    all_fits = linked.fits
+    if changed.size:
+        parts = [all_fits.take([k]) for k in range(all_fits.epoch.size)]
+        for k in changed.tolist():
+            parts[own[k]] = fits.take([k])
+        all_fits = concatenate_fits(parts, all_fits)
+    state, covariance, root = (each.copy() for each in all_fits[1:4])
+    for pair, k in enumerate(after.tolist()):
+        if not linked.confirmed[k]:
+            state[k], covariance[k] = found.state[pair], found.covariance[pair]
+            value, axes = np.linalg.eigh(covariance[k])
+            root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
+    status[before] = SUPERSEDED
+    if watch is not None and own.size:
+        rest = np.flatnonzero(sure & (status[own] == CURRENT))
+        missed = log_missed(fits, angles, rest, paths, **watch._asdict())
+        gap = (now - last[rest]) * TIME_UNIT_S / SECONDS_PER_DAY
+        moved = -np.expm1(-settings.maneuvers_per_day * gap)
+        gone = moved / (moved + (1.0 - moved) * np.exp(missed))
+        status[own[rest[gone >= settings.least_probability]]] = LOST
+    confirmed = linked.confirmed.copy()
+    confirmed[own] = sure
+    confirmed &= status == CURRENT
+    fits = all_fits._replace(state=state, covariance=covariance, root=root)
+    return ManeuveredOrbits(
+        linked._replace(fits=fits, confirmed=confirmed),
+        tuple(status.tolist()),
+        found._replace(before=before, after=after),
+    )
+
+
+def _divided(
+    fits: OrbitFits,
+    angles: Angles,
+    found: Lineage,
+    paths: OrbitPaths,
+    linking: LinkingSettings,
+    fit: Callable[..., OrbitFits],
+    given: dict[str, Any],
+) -> tuple[OrbitFits, NDArray[np.int64]]:
+    """Orbits with the detections of some pairs divided anew, and which of them have changed. Each
+    orbit changes once at most, and those of a pair that is found already do not."""
+    used = {*found.before.tolist(), *found.after.tolist()}
+    changed: list[int] = []
+    one, other = np.array([True, False]), np.array([False, True])
+    for pair in overlapping_pairs(fits, angles, paths, max(given["settings"].scales_m_s)):
+        if used & set(pair):
+            continue
+        parts = divided(fits, angles, pair, linking.verdict.significance,
+                        partial(fit, angles, forces=given["forces"]))  # fmt: skip
+        if parts is None:
+            continue
+        ends = angles.time[parts.row[parts.begin[1] - 1]], angles.time[parts.row[parts.begin[1]]]
+        own = orbit_paths(parts, *map(float, ends), forces=given["forces"])
+        if find_lineage(parts, angles, one, other, paths=own, **given).before.size:
+            fits = replaced(fits, pair, parts)
+            used |= set(pair)
+            changed += pair
+    return fits, np.array(changed, dtype=np.int64)
+
+
+def _confirm(sure: NDArray[np.bool_], found: Lineage, pair: int) -> bool:
+    """Whether the orbit before a maneuver is confirmed; if so, the one after it is, too."""
+    if sure[found.before[pair]]:
+        sure[found.after[pair]] = True
+    return bool(sure[found.before[pair]])

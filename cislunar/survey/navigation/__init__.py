@@ -1,0 +1,10 @@
+"""Errors of the observers of a survey: their effect on linking, and their calibration."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "calibration": ["ObserverCalibration", "calibrate", "considered",
+        "corrected_angles", "uncalibrated"],
+})
+# fmt: on

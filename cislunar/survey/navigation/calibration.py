@@ -1,0 +1,229 @@
+"""Errors of the observers in a survey: larger variances, and calibration by confirmed orbits.
+
+An observer has a constant error b of its assumed position (three components e) and of its measured
+right ascension and declination. The offset of the predicted from the measured direction along the
+tangent basis then is
+
+    r = G b - A dx + noise,   G = [basis / rho, -diag(cos dec, 1)],                            (1)
+
+with the error dx of the fitted orbit, the range rho and A = (basis / rho) Phi. Eliminating dx of
+every confirmed orbit from the normal equations with the noise W^-1 leaves those of the errors of
+all observers (Tapley, Schutz & Born 2004, Statistical Orbit Determination, section 6.2),
+
+    N = P_0^-1 + sum (G'WG - G'WA (A'WA)^-1 A'WG),
+    N b = sum (G'W r - G'WA (A'WA)^-1 A'W r).                                                  (2)
+
+Detections are corrected by the estimate. What remains of the errors adds to the variances of the
+angles with which detections are linked, that of the position as seen from a tenth of the Earth-Moon
+distance. It is common to all detections of an observer, so that the covariance of an orbit
+considers it apart (`considered`).
+
+Assumptions and limitations
+---------------------------
+- The errors are constant.
+- In linking, what remains of an observer's error is independent from detection to detection.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.dynamics import propagate_stm
+from cislunar.estimation.navigation import ObserverErrorSigma
+from cislunar.observation import Scene
+from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
+
+Array = NDArray[np.float64]
+
+_NEAR = 0.1
+"""Range at which a position error counts in the variance of angles, nondimensional."""
+
+_ESTIMATED = 5
+"""Position and two zero-point offsets."""
+
+
+class ObserverCalibration(NamedTuple):
+    """Estimated errors of the observers, true minus assumed.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (observer, 5)
+        Position, nondimensional, and zero-point offsets of right ascension and declination, rad.
+    covariance : ndarray, shape (observer, 5, observer, 5)
+    """
+
+    mean: Array
+    covariance: Array
+
+
+class _Linearized(NamedTuple):
+    """Rows of angles of an orbit; its offsets r (row, 2); A (row, 2, 6) for the state at its epoch,
+    and G (row, 2, observer * 5), equation (1)."""
+
+    rows: NDArray[np.int64]
+    offset: Array
+    by_state: Array
+    by_error: Array
+
+
+def uncalibrated(prior: ObserverErrorSigma, n_observers: int) -> ObserverCalibration:
+    """The prior of the errors of all observers."""
+    sigma = np.tile(prior.constant()[:_ESTIMATED], n_observers)
+    shape = n_observers, _ESTIMATED
+    return ObserverCalibration(np.zeros(shape), np.diag(sigma**2).reshape(*shape, *shape))
+
+
+def corrected_angles(angles: Angles, scene: Scene, errors: ObserverCalibration) -> Angles:
+    """Angles without the estimated errors of their observers, with larger variances.
+
+    Parameters
+    ----------
+    angles : Angles
+        As measured, along right ascension and declination of the observers' body frames.
+    scene : Scene
+    errors : ObserverCalibration
+
+    Returns
+    -------
+    Angles
+    """
+    scale, own = _scale(angles, scene), errors.mean[angles.observer]
+    offset = np.einsum("nac,na->nc", angles.basis, scale * own[:, 3:])
+    unit = angles.direction - offset
+    unit /= np.linalg.norm(unit, axis=1)[:, None]
+    basis = angles.basis - np.einsum("nac,nc->na", angles.basis, unit)[..., None] * unit[:, None]
+    basis /= np.linalg.norm(basis, axis=2)[..., None]
+    each = np.arange(len(errors.mean))
+    left = errors.covariance[each, :, each][angles.observer]
+    variance = scale[:, :, None] * left[:, 3:, 3:] * scale[:, None, :]
+    position = np.trace(left[:, :3, :3], axis1=1, axis2=2) / (3.0 * _NEAR**2)
+    return angles._replace(
+        observer_position=angles.observer_position + own[:, :3],
+        direction=unit,
+        basis=basis,
+        covariance=angles.covariance + variance + position[:, None, None] * np.eye(2),
+    )
+
+
+def calibrate(
+    fits: OrbitFits,
+    angles: Angles,
+    scene: Scene,
+    prior: ObserverErrorSigma,
+    errors: ObserverCalibration,
+    *,
+    forces: tuple,
+) -> ObserverCalibration:
+    """Estimate the errors of the observers from the residuals of orbits, equation (2).
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Orbits of objects, fitted to the angles that `errors` corrects.
+    angles : Angles
+        As measured.
+    scene : Scene
+    prior : ObserverErrorSigma
+        Standard deviations of the errors before any detection.
+    errors : ObserverCalibration
+        With which the orbits were fitted.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    ObserverCalibration
+        Components without a prior standard deviation are not estimated.
+    """
+    shape = errors.mean.shape
+    sigma = np.tile(prior.constant()[:_ESTIMATED], len(errors.mean))
+    # in standard deviations of the prior
+    normal = np.eye(sigma.size)
+    right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
+    measured = corrected_angles(angles, scene, errors)
+    for k in range(fits.epoch.size):
+        rows, offset, by_state, by_error = _linearized(fits, k, measured, scene, forces)
+        white = np.linalg.inv(np.linalg.cholesky(angles.covariance[rows]))
+        g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
+        q, _ = np.linalg.qr((white @ by_state).reshape(-1, 6))
+        g -= q @ (q.T @ g)
+        normal += g.T @ g
+        right += g.T @ (white @ offset[..., None]).ravel()
+    covariance = np.linalg.inv(normal)
+    mean = (sigma * (covariance @ right)).reshape(shape)
+    scaled = sigma[:, None] * covariance * sigma
+    return ObserverCalibration(errors.mean + mean, scaled.reshape(*shape, *shape))
+
+
+def considered(
+    fits: OrbitFits, angles: Angles, scene: Scene, errors: ObserverCalibration, *, forces: tuple
+) -> OrbitFits:
+    """Orbits with the covariance due to noise and to what remains of the errors of the observers.
+
+    With the weights W that a fit has used and its gain K = (A'WA)^-1 A'W, noise R and the
+    covariance C of the errors give
+
+        P = K (R + G C G') K'.                                                                 (3)
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Orbits fitted to the angles that `errors` corrects.
+    angles : Angles
+        As measured.
+    scene : Scene
+    errors : ObserverCalibration
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    OrbitFits
+        With other covariances and roots; those of fits that have not converged are kept.
+    """
+    measured = corrected_angles(angles, scene, errors)
+    total = errors.covariance.reshape(errors.mean.size, -1)
+    covariance, root = fits.covariance.copy(), fits.root.copy()
+    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
+        rows, _, by_state, by_error = _linearized(fits, k, measured, scene, forces)
+        weighted = np.linalg.solve(measured.covariance[rows], by_state).reshape(-1, 6)
+        gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)
+        noise = np.einsum("inb,nbc,jnc->ij", gain, angles.covariance[rows], gain)
+        shift = gain.reshape(6, -1) @ by_error.reshape(-1, len(total))
+        covariance[k] = noise + shift @ total @ shift.T
+        value, axes = np.linalg.eigh(covariance[k])
+        root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
+    return fits._replace(covariance=covariance, root=root)
+
+
+def _linearized(
+    fits: OrbitFits, k: int, measured: Angles, scene: Scene, forces: tuple
+) -> _Linearized:
+    rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+    epoch, n_observers = fits.epoch[k : k + 1], scene.observer_position.shape[0]
+    state, stm = propagate_stm(
+        fits.state[k : k + 1], measured.time[rows][None] - epoch, forces=forces, start=epoch
+    )
+    own = measured.rows(rows)
+    way = state[0, :, :3] - own.observer_position
+    along = np.sum(way * own.direction, axis=1)
+    basis = own.basis / along[:, None, None]
+    by_error = np.zeros((rows.size, 2, n_observers, _ESTIMATED))
+    each = np.arange(rows.size)
+    by_error[each, :, own.observer, :3] = basis
+    by_error[each[:, None], [0, 1], own.observer[:, None], [3, 4]] = -_scale(own, scene)
+    return _Linearized(
+        rows,
+        np.einsum("nac,nc->na", basis, way),
+        basis @ stm[0, :, :3],
+        by_error.reshape(rows.size, 2, -1),
+    )
+
+
+def _scale(angles: Angles, scene: Scene) -> Array:
+    """Offset (row, 2) of a direction along its basis by an offset of right ascension, and of
+    declination, in the observer's body frame."""
+    index = np.rint(angles.time / scene.step).astype(np.int64)
+    pole = np.einsum("nc,nc->n", scene.observer_axes[index, 2], angles.direction)
+    return np.stack([np.sqrt(np.maximum(1.0 - pole**2, 0.0)), np.ones(pole.size)], axis=1)
