@@ -29,7 +29,7 @@ _FILES = (
      ("searches at random",)),
     ("Table 2, architectures", "tables/architecture.csv",
      ("proofs of the optimum", "published architectures", "table of architectures")),
-    ("Figures 5 to 8, tracking", "figures/fig05_target_counts.png", ("cells of tracking",)),
+    ("Figures 5 to 8, tracking, with the cells beyond the paper", "figures/fig05_target_counts.png", ("cells of tracking",)),
     ("Every number and claim, with a verdict", "tables/paper/paper_vs_ours.csv",
      ("comparisons of tasking",)),
     ("Orbits, architectures and targets in 3D, interactive", "figures/orbits_3d.html", ()),
