@@ -70,6 +70,8 @@ class CatalogState(NamedTuple):
     nees_now : float
         Mean normalized estimation error squared, now, of confirmed orbits with an error of at most
         `QualitySettings.right_km`; 6 if consistent.
+    nees_ballistic, nees_now_ballistic : float
+        The same for the objects that have not maneuvered so far.
     """
 
     day: float
@@ -95,6 +97,8 @@ class CatalogState(NamedTuple):
     completeness_maneuvering: float
     custody: float
     nees_now: float
+    nees_ballistic: float
+    nees_now_ballistic: float
 
 
 def orbit_table(
@@ -245,9 +249,17 @@ def catalog_state(
         completeness_all_inside=shares[1][1],
         completeness_all_outside=shares[2][1],
         purity=share(real["right_detections"].sum(), total),
-        nees=float(good["nees"].mean()) if len(good) else float("nan"),
+        nees=_mean(good["nees"]),
         median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),
         completeness_maneuvering=completeness(moved)[0],
         custody=share((kept & findable).sum(), findable.sum()),
-        nees_now=float(present["now_nees"].mean()) if len(present) else float("nan"),
+        nees_now=_mean(present["now_nees"]),
+        nees_ballistic=_mean(good["nees"][~moved[good["object"].to_numpy(dtype=np.int64)]]),
+        nees_now_ballistic=_mean(
+            present["now_nees"][~moved[present["object"].to_numpy(dtype=np.int64)]]
+        ),
     )
+
+
+def _mean(values: pd.Series) -> float:
+    return float(values.mean()) if len(values) else float("nan")

@@ -30,7 +30,8 @@ _QUANTITIES = {
     "Maneuvering (%)": ("completeness_maneuvering", "{:.1f}", 100.0),
     "In custody (%)": ("custody", "{:.1f}", 100.0),
     "NEES": ("nees", "{:.2f}", 1.0),
-    "NEES now": ("nees_now", "{:.2f}", 1.0),
+    "NEES, no maneuver so far": ("nees_ballistic", "{:.2f}", 1.0),
+    "NEES now, no maneuver so far": ("nees_now_ballistic", "{:.2f}", 1.0),
     "Hours to catalog": ("hours_to_catalog", "{:.1f}", 1.0),
 }
 """Columns: quantity, format and factor."""
@@ -43,14 +44,15 @@ def study_table(study: str, results: str | Path) -> pd.DataFrame:
 
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
-    rows = []
+    rows, there = [], {*tables[study]["quantity"]}
+    columns = {title: each for title, each in _QUANTITIES.items() if each[0] in there}
     for (name, day), own in tables[study].groupby(["survey", "day"], sort=False):
         found = own.set_index("quantity")
         rows.append([
             name.replace("-", " "), f"{day:g}", int(own["seeds"].max()),
-            *(_number(found, *column) for column in _QUANTITIES.values()),
+            *(_number(found, *column) for column in columns.values()),
         ])  # fmt: skip
-    return {"table": markdown_table(["Survey", "Days", "Realizations", *_QUANTITIES], rows)}
+    return {"table": markdown_table(["Survey", "Days", "Realizations", *columns], rows)}
 
 
 def _number(found: pd.DataFrame, quantity: str, form: str, factor: float) -> str:

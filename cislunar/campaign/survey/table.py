@@ -13,8 +13,8 @@ QUANTITIES = (
     "detected", "findable", "right", "wrong", "false", "duplicate", "candidates",
     "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
-    "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "median_error_km",
-    "hours_to_catalog", "undetected",
+    "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "nees_ballistic",
+    "nees_now_ballistic", "median_error_km", "hours_to_catalog", "undetected",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
 findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
@@ -68,10 +68,11 @@ def catalog_rows(
         found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
         confirmed = found["confirmed"].where(found["confirmed"] > 0)
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
+        moved = found.get("completeness_maneuvering", pd.Series(dtype=float)).notna().any()
         for day, own in found.groupby(found["day"].round(6), sort=True):
             for quantity in QUANTITIES:
-                if quantity not in own:
-                    continue
+                if quantity not in own or (quantity.endswith("_ballistic") and not moved):
+                    continue  # without maneuvers it is the same as that of all objects
                 values = own[quantity].to_numpy(dtype=float)
                 values = values[np.isfinite(values)]
                 if values.size == 0:
