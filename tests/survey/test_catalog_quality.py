@@ -1,0 +1,47 @@
+"""Quality of a catalog that is compared with the truth, on a table made by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cislunar.detection import FALSE_ALARM
+from cislunar.survey import ORBIT_COLUMNS, catalog_state
+from cislunar.survey.settings import QualitySettings
+
+
+def orbit(confirmed, of, error_km, nees, now_km=5.0, now_nees=6.0, detections=10, right=10):
+    row = {
+        "day": 1.0, "confirmed": confirmed, "verdict": "orbit", "object": of,
+        "detections": detections, "right_detections": right, "observers": 3,
+        "error_km": error_km, "sigma_km": 1.0, "nees": nees, "now_km": now_km, "now_nees": now_nees,
+    }  # fmt: skip
+    assert set(row) == set(ORBIT_COLUMNS)
+    return row
+
+
+def test_right_wrong_false_and_duplicate_orbits_are_counted():
+    table = pd.DataFrame([
+        orbit(True, 0, 1.0, 4.0), orbit(True, 0, 2.0, 8.0, now_nees=10.0),
+        orbit(True, 1, 3.0, 6000.0, now_km=40.0, now_nees=9000.0),
+        orbit(True, 2, 900.0, 1e6, now_km=900.0), orbit(True, FALSE_ALARM, np.nan, np.nan, np.nan),
+        orbit(False, 3, 1.0, 6.0), orbit(True, 4, 1.0, 6.0, right=9),
+    ])  # fmt: skip
+    origin = np.array([0, 1, 2, 3, 4, FALSE_ALARM])
+    found = catalog_state(
+        table, origin, np.array([3, 3, 4, 3, 2, 5]), QualitySettings(),
+        outside=np.array([False, True, True, False, False, True]),
+        maneuvered=np.array([False, True, False, False, False, False]),
+    )  # fmt: skip
+    assert (found.objects, found.detected, found.findable, found.confirmed) == (6, 5, 5, 6)
+    assert (found.right, found.wrong, found.false, found.duplicate, found.candidates) == (
+        3, 1, 1, 1, 1,
+    )  # fmt: skip
+    # findable: 0, 1, 2, 3 and 5, of which 0 and 1 have a right orbit
+    assert found.completeness == pytest.approx(2 / 5)
+    assert (found.completeness_inside, found.completeness_outside) == pytest.approx((1 / 2, 1 / 3))
+    assert found.completeness_maneuvering == 1.0
+    assert found.custody == pytest.approx(1 / 5)  # object 1 is 40 km from its prediction
+    assert found.purity == pytest.approx(49 / 60)  # of the false orbit none
+    assert found.nees == pytest.approx(np.mean([4.0, 8.0, 6000.0, 6.0]))
+    assert found.nees_ballistic == pytest.approx(6.0)
+    assert found.nees_now_ballistic == pytest.approx(np.mean([6.0, 10.0, 6.0]))
