@@ -221,9 +221,10 @@ class SearchPlanner:
         return covariance - mapped @ np.linalg.solve(spread, mapped.swapaxes(1, 2))
 
     def _best(self, o: int, worth: Array) -> Indices:
-        """Fields of largest worth that fit into a round."""
+        """Fields of large worth for their time that fit into a round."""
         order = np.lexsort((np.arange(worth.size), -worth))[: _CONSIDERED * self.round_steps]
-        return self._route(o, order[worth[order] > 0.0])
+        order = order[worth[order] > 0.0]
+        return self._route(o, order, worth[order])
 
     def _steps(self, before: Array, after: Array) -> Indices:
         """Steps from an exposure in one direction to the next in another, in which the telescope
@@ -235,40 +236,35 @@ class SearchPlanner:
         )
         return np.ceil(needed / self.scene.step_s - 1e-6).astype(np.int64)
 
-    def _route(self, o: int, fields: Indices) -> Indices:
-        """As many of the fields as fit into a round, in the order of visits. The first ones are
-        taken first, each where it lengthens the closed tour least."""
-        if fields.size == 0:
-            return fields
-        direction = self.grids[o].direction[fields]
-        steps = self._steps(direction[:, None], direction).tolist()
+    def _route(self, o: int, fields: Indices, worth: Array | None = None) -> Indices:
+        """As many of the fields as fit into a round, in the order of visits. The next field is the
+        one with the most worth for the time by which it lengthens the closed tour, at the place
+        where it lengthens the tour least. Without `worth` all fields are worth the same."""
+        worth = np.ones(fields.size) if worth is None else worth
+        direction, every = self.grids[o].direction[fields], np.arange(fields.size)
+        steps = self._steps(direction[:, None], direction)
         here = self._pointing[o]
-        start = [1] * fields.size if here is None else self._steps(here, direction).tolist()
-        tour: list[int] = []
-        length = 0
-        for new in range(fields.size):
-            trial, total = [new], steps[new][new]
-            if tour:
-                added = [
-                    steps[tour[k - 1]][new] + steps[new][tour[k]] - steps[tour[k - 1]][tour[k]]
-                    for k in range(len(tour))
-                ]
-                if len(tour) == 1:
-                    added = [steps[tour[0]][new] + steps[new][tour[0]] - length]
-                at = int(np.argmin(added))
-                trial, total = [*tour[:at], new, *tour[at:]], length + added[at]
-            if total > self.round_steps:
-                continue
+        start = np.ones_like(every) if here is None else self._steps(here, direction)
+        tour, length, left = every[:0], 0, np.ones(fields.size, dtype=bool)
+        while True:
+            before = np.roll(tour, 1)
+            added = steps[before] + steps[:, tour].T - steps[before, tour][:, None]
+            if tour.size < 2:
+                added = 2 * steps[tour] - length if tour.size else steps[every, every][None]
+            at = np.argmin(added, axis=0)
+            added = added[at, every]
+            left &= length + added <= self.round_steps
+            if not left.any():
+                return fields[tour]
+            # a field on the way takes no more time than its exposure, at least one step
+            new = int(np.argmax(np.where(left, worth / np.maximum(added, 1), -1.0)))
+            left[new] = False
+            trial, total = np.insert(tour, at[new], new), length + int(added[new])
             # a round begins with the field that the telescope reaches so that all are in time
-            ends = [start[f] + total - steps[trial[k - 1]][f] for k, f in enumerate(trial)]
-            if len(trial) == 1:
-                ends = [start[new]]
+            ends = start[trial] + total - steps[np.roll(trial, 1), trial]
             first = int(np.argmin(ends))
             if ends[first] <= self.round_steps:
-                tour, length = [*trial[first:], *trial[:first]], total
-            if len(tour) == self.round_steps:
-                break
-        return fields[tour]
+                tour, length = np.roll(trial, -first), total
 
     def _timed(self, chosen: list[Indices]) -> Visits:
         """Steps of all visits: rounds begin at equal times, each in the same order."""

@@ -35,7 +35,7 @@ SMALL = {
     "realizations": 2,
     "duration_days": 0.125,
     "link_hours": 1,
-    "last_start_day": 2,
+    "start_days": 4,
     "prior": {"particles": 200, "expected_objects": 5},
     "process": {"false_alarms_deg2": 0.02},
 }

@@ -269,10 +269,15 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
                 f"at least {1.0 / objects:.2g}"
             )
         _check_survey_truth(config, name, survey)
-        days = scenario_settings(config, scenario)["visibility"]["duration_days"]
-        if survey["last_start_day"] + survey["duration_days"] > days:
+        minutes, step = survey["search"]["block_minutes"], survey["step_s"]
+        if not is_multiple(60.0 * minutes, step):
             raise ConfigurationError(
-                f"{key}.last_start_day' = {survey['last_start_day']} and duration_days = "
+                f"{key}.search.block_minutes' = {minutes} must be a multiple of step_s = {step} s"
+            )
+        days = scenario_settings(config, scenario)["visibility"]["duration_days"]
+        if survey["start_days"] + survey["duration_days"] > days:
+            raise ConfigurationError(
+                f"{key}.start_days' = {survey['start_days']} and duration_days = "
                 f"{survey['duration_days']} exceed the ephemeris, which covers "
                 f"'visibility.duration_days' = {days}"
             )

@@ -222,9 +222,13 @@ class StatedSurvey(SurveyModel):
     realizations: Count = setting(
         "number of realizations, each with its own day, phases of the objects and noise", "1",
         default=10)
-    last_start_day: NotNegative = setting(
-        "start of the last realization, in days after the epoch; the others start at equal steps "
-        "before it", "day", default=20)
+    start_days: NotNegative = setting(
+        "days after the epoch within which realizations start, spread by the van der Corput "
+        "sequence (0, 1/2, 1/4, 3/4, ...); a realization starts on the same day in every survey",
+        "day", default=20)
+    step_s: Positive = setting(
+        "time between two possible beginnings of an exposure, in place of that of the scenario's "
+        "cells", "s", default=20)
     prior_table: Text | None = setting(
         "table of states at the epoch for the share `prior.table`, with the columns of "
         "`scenarios.NAME.tracked`; null: none", "path", default=None)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
 
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell
@@ -92,7 +93,7 @@ def survey_realization(
     """
     own = dict(settings) | {
         "duration_hours": 24.0 * survey.duration_days,
-        "start_day": survey.last_start_day * number / max(1, survey.realizations - 1),
+        "start_day": survey.start_days * _van_der_corput(number),
         "monitored_seed": realization_seeds(seed, 1, number)[0],
     }
     cell_settings = typed(_settings(own, survey), CellSettings, f"surveys.{name}")
@@ -137,10 +138,15 @@ def survey_realization(
     )
 
 
+def _van_der_corput(number: int) -> float:
+    """Number of the van der Corput sequence of base 2, from 0."""
+    return float(qmc.Halton(1, scramble=False).random(number + 1)[number, 0])
+
+
 def _settings(settings: Mapping[str, Any], survey: StatedSurvey) -> dict[str, Any]:
     """The settings of the cells of a survey's scenario with the survey's changes of truth and
     observation, and its dynamics."""
-    own = dict(settings)
+    own = dict(settings) | {"step_s": survey.step_s}
     if survey.ephemeris:
         own = merged(own, {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}})
     return merged(own, survey.cell.model_dump())
