@@ -190,6 +190,19 @@ def test_the_table_has_means_over_realizations(found):
     assert names == ["usual, 0.125 d", "ephemeris, 0.125 d"]
 
 
+def test_the_difference_to_the_first_survey_is_paired_by_realization(found):
+    surveys, rows = found
+    search = SearchSettings(information_worth=0)
+    surveys = surveys | {"other": surveys["usual"].model_copy(update={"search": search})}
+    rows = {name: [each.assign(right=n) for each, n in zip(own, (7, 3), strict=False)]
+            for name, own in rows.items()}  # fmt: skip
+    rows["other"] = [each.assign(right=n) for each, n in zip(rows["usual"], (5, 2), strict=True)]
+    table = catalog_rows(surveys, rows, 3.0)
+    own = table[table["quantity"] == "right_difference"]
+    assert own["survey"].tolist() == ["other"]  # the survey "ephemeris" has other objects
+    assert own["mean"].item() == -1.5 and own["smallest"].item() == -2
+
+
 def test_the_cost_of_the_search_is_that_over_the_survey_that_ends_it(found):
     surveys, rows = found
     stopped = surveys["usual"].model_copy(update={"search": SearchSettings(search_days=0.1)})

@@ -24,6 +24,7 @@ _QUANTITIES = {
     "inside of the families (%)": ("completeness_inside", "{:.1f}", 100.0),
     "outside (%)": ("completeness_outside", "{:.1f}", 100.0),
     "Right orbits": ("right", "{:.0f}", 1.0),
+    "Right orbits, difference to the first survey": ("right_difference", "{:+.0f}", 1.0),
     "Duplicates": ("duplicate", "{:.1f}", 1.0),
     "Wrong of confirmed (%)": ("wrong_share", "{:.2f}", 100.0),
     "Purity (%)": ("purity", "{:.2f}", 100.0),
@@ -32,6 +33,7 @@ _QUANTITIES = {
     "NEES": ("nees", "{:.2f}", 1.0),
     "NEES, no maneuver so far": ("nees_ballistic", "{:.2f}", 1.0),
     "NEES now, no maneuver so far": ("nees_now_ballistic", "{:.2f}", 1.0),
+    "Error of known objects, increase by the search (%)": ("search_cost", "{:+.1f}", 100.0),
     "Hours to catalog": ("hours_to_catalog", "{:.1f}", 1.0),
 }
 """Columns: quantity, format and factor."""
@@ -62,7 +64,8 @@ def _number(found: pd.DataFrame, quantity: str, form: str, factor: float) -> str
     mean, low, high = factor * found.loc[quantity, ["mean", "low", "high"]].to_numpy(dtype=float)
     if not np.isfinite(low):
         return form.format(mean)
-    return f"{form.format(mean)} [{form.format(max(low, 0.0))}, {form.format(high)}]"
+    least = -np.inf if "+" in form else 0.0
+    return f"{form.format(mean)} [{form.format(max(low, least))}, {form.format(high)}]"
 
 
 CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {

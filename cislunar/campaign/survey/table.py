@@ -1,6 +1,7 @@
 """Table of the surveys of a campaign: ``tables/catalog.csv``."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,18 +11,19 @@ from cislunar.evaluation.intervals import t_interval
 from cislunar.survey import SOURCES
 
 QUANTITIES = (
-    "detected", "findable", "right", "wrong", "false", "duplicate", "candidates",
-    "linked_share", "completeness", "completeness_all", "completeness_inside",
+    "detected", "findable", "right", "right_difference", "wrong", "false", "duplicate",
+    "candidates", "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
     "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "nees_ballistic",
     "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost", "hours_to_catalog",
     "undetected",
 )  # fmt: skip
-"""Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
-findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
-confirmed ones. `search_cost`: increase of `error_known_km` over that of the same realization of a
-survey with the same settings that stops searching (`search.search_days`), as a share of the
-latter."""
+"""Quantities of the table; see `cislunar.survey.CatalogState`. `right_difference`: right orbits
+minus those of the same realization of the first survey, if both have the same objects.
+`linked_share`: share of the findable objects with an orbit, confirmed or not. `wrong_share`: wrong
+and false orbits among the confirmed ones. `search_cost`: increase of `error_known_km` over that of
+the same realization of a survey with the same settings that stops searching
+(`search.search_days`), as a share of the latter."""
 
 _PLACE = (
     "survey", "scenario", "architecture", "targets", "outside_families", "dynamics", "prior",
@@ -64,7 +66,7 @@ def catalog_rows(
     DataFrame
         Columns `CATALOG_COLUMNS`. A quantity that no realization has is left out.
     """
-    rows = []
+    rows, first = [], next(iter(surveys), None)
     for name, survey in surveys.items():
         place = _described(name, survey, field_of_view_deg)
         found = pd.concat(realizations[name], ignore_index=True)
@@ -72,6 +74,12 @@ def catalog_rows(
             if stopped != survey and _searching(stopped) == survey:
                 alone = pd.concat(realizations[other], ignore_index=True)["error_known_km"]
                 found["search_cost"] = found["error_known_km"] / alone - 1.0
+        if name != first and _objects(survey) == _objects(surveys[first]):
+            paired = [
+                mine["right"] - usual["right"]
+                for mine, usual in zip(realizations[name], realizations[first], strict=False)
+            ]
+            found["right_difference"] = pd.concat(paired, ignore_index=True)
         found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
         confirmed = found["confirmed"].where(found["confirmed"] > 0)
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
@@ -97,6 +105,14 @@ def _searching(survey: StatedSurvey) -> StatedSurvey:
     """The survey that searches to its end, and is otherwise the same."""
     search = survey.search.model_copy(update={"search_days": None})
     return survey.model_copy(update={"search": search})
+
+
+def _objects(survey: StatedSurvey) -> dict[str, Any]:
+    """What the objects of a realization depend on."""
+    return survey.model_dump(include={
+        "scenario", "targets", "outside_families", "duration_days", "start_days", "entering",
+        "deployed", "deployment_m_s", "cell", "ephemeris",
+    })  # fmt: skip
 
 
 def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dict[str, object]:
