@@ -208,10 +208,10 @@ def _measured(
     )
 
 
-def refined_rows(refined: Mapping[str, xr.Dataset]) -> pd.DataFrame:
+def refined_rows(**refined: xr.Dataset) -> pd.DataFrame:
     """Rows of ``tables/refined_orbits.csv``: measures of the refined orbits of each family.
 
-    `refined` has data sets of `refined_dataset` by the use of their orbits.
+    The arguments are data sets of `refined_dataset`, named by the use of their orbits.
     """
     rows = []
     for use, data in refined.items():
