@@ -14,11 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.constants import (
-    EARTH_RADIUS_KM,
-    MOON_RADIUS_KM,
-    MU,
-)
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalog_seeds as seeds
 from cislunar.orbits.branches import Seed

@@ -225,7 +225,9 @@ def _import_what_it_imports(request: _Request) -> None:
     with contextlib.suppress(Exception):
         for node in ast.parse(Path(request.script).read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom) and node.module:
-                importlib.import_module(node.module)
+                module = importlib.import_module(node.module)
+                for name in node.names:
+                    getattr(module, name.name)
             elif isinstance(node, ast.Import):
                 for name in node.names:
                     importlib.import_module(name.name)

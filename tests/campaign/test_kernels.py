@@ -20,7 +20,7 @@ SOURCES = {
     "first.py": KERNEL.format("from cislunar.room import (\n    constant,\n    other,\n)"),
     "second.py": KERNEL.format("from cislunar.room.other import value"),
     "third.py": KERNEL.format("from cislunar.room import public"),
-    "room/__init__.py": 'attach(__name__, submod_attrs={\n    "inner": ["more",\n        "public"],\n})',
+    "room/__init__.py": 'attach(__name__, submod_attrs={"inner": ["more",\n    "public"]})',
     "room/inner/__init__.py": 'attach(__name__, submod_attrs={"deep": ["public"]})',
     "room/inner/deep.py": "public = 3\n",
     "room/constant.py": "value = 1\n",

@@ -1,6 +1,6 @@
 """Makes tables/claims_architecture.csv: the paper's numbers and claims on the architecture."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -9,7 +9,6 @@ from collections import defaultdict
 from pathlib import Path
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.claims.architecture import comparison_claims, cost_claims, library_claims

@@ -1,6 +1,6 @@
 """Makes tables/association.csv: association against known identities."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, write_text
 
 in_worker()
 
@@ -8,7 +8,6 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.association_table import association_rows
 from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log, snakemake.threads):
     cells = zip(snakemake.params.cells, snakemake.input.cells, strict=True)

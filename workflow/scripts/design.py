@@ -1,14 +1,11 @@
 """Makes architecture/{scenario}/{design}.nc: the best architecture by an objective of its own."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset
 
 in_worker()
 
-from cislunar.campaign.architectures.designs import design_dataset
-from cislunar.campaign.architectures.objectives import ArchitectureInputs
+from cislunar.campaign.architectures import ArchitectureInputs, design_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_dataset
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     found = design_dataset(

@@ -1,6 +1,6 @@
 """Makes figures/fig11_convergence: best J against evaluations, for every optimizer."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset
 
 in_worker()
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from cislunar.figures.search.optimizers import convergence_figure
 from cislunar.figures.style import save_figure
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     runs = defaultdict(lambda: defaultdict(list))

@@ -1,6 +1,6 @@
 """Makes figures/fig05_target_counts, fig07_intervals and fig08_intervals_high_load: heat maps."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import each, in_worker
 
 in_worker()
 
@@ -13,7 +13,6 @@ from cislunar.figures.tracking.heatmaps import (
     target_counts_figure,
 )
 from cislunar.runtime.job import job
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     files = each(snakemake.input, "cells")

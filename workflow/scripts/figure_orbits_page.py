@@ -1,6 +1,6 @@
 """Makes figures/orbits_3d.html: the interactive page of orbits, architectures and targets."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -9,7 +9,6 @@ from pathlib import Path
 
 from cislunar.figures.space.orbits_page import orbits_page
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     architectures = defaultdict(dict)

@@ -1,12 +1,11 @@
 """Makes figures/replay.html: the page that replays a cell."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
 from cislunar.figures.replay import cell_replay, replay_page
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     cell, orbits, sun = map(read_dataset, snakemake.input)

@@ -1,6 +1,6 @@
 """Makes figures/fig08_representative_target: one target's errors with two tasking intervals."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import each, in_worker, read_dataset
 
 in_worker()
 
@@ -8,8 +8,6 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.representative import representative_target_figure
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     found = zip(snakemake.params.cells, each(snakemake.input, "cells"), strict=True)

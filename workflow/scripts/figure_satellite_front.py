@@ -1,6 +1,6 @@
 """Makes figures/fig10_satellite_front: J and coverage by number of satellites."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset
 
 in_worker()
 
@@ -12,7 +12,6 @@ import pandas as pd
 from cislunar.figures.search.optimizers import satellite_front_figure
 from cislunar.figures.style import save_figure
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     fronts = {Path(path).parent.name: read_dataset(path) for path in snakemake.input.fronts}

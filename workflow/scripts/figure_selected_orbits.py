@@ -1,13 +1,12 @@
 """Makes figures/fig03_tpe_orbits, fig04_random_orbits and fig09_exact_orbits: observer orbits."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset
 
 in_worker()
 
 from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     scenarios = snakemake.params.scenarios

@@ -1,15 +1,13 @@
 """Makes figures/fig06_selected_targets and fig06_components: errors and bounds of a few targets."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking.errors import components_figure
-from cislunar.figures.tracking.norms import selected_targets_figure
+from cislunar.figures.tracking import components_figure, selected_targets_figure
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     (cell,) = snakemake.params.cell

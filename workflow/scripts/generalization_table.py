@@ -1,17 +1,14 @@
 """Makes tables/objectives_elsewhere_{scenario}.csv: generalization of architectures to other
 targets."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, read_dataset, write_text
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.architectures.generalization import generalization_rows
-from cislunar.campaign.architectures.objectives import ArchitectureInputs
+from cislunar.campaign.architectures import ArchitectureInputs, generalization_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     rows = generalization_rows(

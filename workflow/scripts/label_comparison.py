@@ -1,6 +1,6 @@
 """Makes tables/label_comparison.csv: J of TPE by the labels of the orbits."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     rows = []

@@ -1,13 +1,12 @@
 """Makes tables/maneuvers.csv: detection and recovery of targets that maneuver."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.maneuvers.table import maneuver_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log, snakemake.threads):
     cells = zip(snakemake.params.cells, snakemake.input.cells, strict=True)

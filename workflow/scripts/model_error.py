@@ -1,13 +1,12 @@
 """Makes tables/model_error.csv: effect of model errors on tracking."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
 from cislunar.campaign.tracking.model_errors import model_errors
 from cislunar.campaign.tracking.tables import model_error_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     errors = model_errors(snakemake.params.settings["task2"])

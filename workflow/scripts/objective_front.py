@@ -1,14 +1,11 @@
 """Makes architecture/{scenario}/fronts/{front}.nc: the best by number of satellites, bounds."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset
 
 in_worker()
 
-from cislunar.campaign.architectures.designs import objective_front_dataset
-from cislunar.campaign.architectures.objectives import ArchitectureInputs
+from cislunar.campaign.architectures import ArchitectureInputs, objective_front_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_dataset
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     found = objective_front_dataset(

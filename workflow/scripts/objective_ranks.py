@@ -1,6 +1,6 @@
 """Makes tables/objective_ranks.csv: rank correlation of objectives with tracking performance."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, write_text
 
 in_worker()
 
@@ -8,7 +8,6 @@ import pandas as pd
 
 from cislunar.campaign.tracking.tables import rank_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     read = snakemake.input

@@ -1,6 +1,6 @@
 """Makes tables/observers.csv: what observers of one's own reach, as in tables/architecture.csv."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import each, in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -10,8 +10,6 @@ import pandas as pd
 
 from cislunar.campaign.architectures.table2 import architecture_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import each
 
 with job(snakemake.log, snakemake.threads):
     read, settings = snakemake.input, snakemake.params.settings

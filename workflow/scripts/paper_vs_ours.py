@@ -1,13 +1,12 @@
 """Makes tables/paper_vs_ours.csv: each claim of the paper and this library's result."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, write_text
 
 in_worker()
 
 import pandas as pd
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     claims = pd.concat([pd.read_csv(path, dtype=str) for path in snakemake.input])

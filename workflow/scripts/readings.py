@@ -1,13 +1,11 @@
 """Makes tables/readings.csv: J under each reading of the paper."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, read_dataset, write_text
 
 in_worker()
 
 from cislunar.campaign.readings.architecture import readings_table
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     table = readings_table(

@@ -7,7 +7,7 @@ also have the `kernels` that are loaded first, variables `without` which data se
 `progress` what the function counts.
 """
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset, write_text
 
 in_worker(snakemake.params.get("kernels", ""), f"cislunar.{snakemake.params.function}")
 
@@ -18,8 +18,6 @@ from pkgutil import resolve_name
 import pandas as pd
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_dataset, write_text
-from cislunar.runtime.progress import progress_log
 
 
 def read(files):

@@ -1,6 +1,6 @@
 """Makes tables/results.md: each claim of the paper and this library's result, as text."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.results_page import results_page, verdicts_svg

@@ -1,16 +1,13 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
 from cislunar.campaign.kernels import tracking_kernels
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, progress_log, write_dataset
 
 in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.estimator))
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import read_inputs
-from cislunar.campaign.tracking.tasking_comparison import compared_dataset
+from cislunar.campaign.tracking import compared_dataset, read_inputs
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_dataset
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     wildcards, params = snakemake.wildcards, snakemake.params

@@ -1,6 +1,6 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tracking with this library's result."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.claims.judges import claims_table

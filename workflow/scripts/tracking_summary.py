@@ -1,14 +1,12 @@
 """Makes task2/summary.nc: statistics over the targets of every cell, seed by seed."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import each, in_worker, write_dataset
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_dataset
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     cells = [Cell(*labels) for labels in snakemake.params.cells]

@@ -1,12 +1,11 @@
 """Makes tables/tracking.csv, and readings_tracking.csv and estimators.csv if cells compare."""
 
-from cislunar.runtime.worker_client import in_worker
+from cislunar.runtime import in_worker, read_dataset, write_text
 
 in_worker()
 
 from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     summary = read_dataset(snakemake.input[0])

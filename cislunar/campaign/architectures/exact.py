@@ -16,8 +16,7 @@ from cislunar.campaign.architectures.variables import (
     history_variables,
 )
 from cislunar.campaign.architectures.visibility import architecture_coverage, cost_function
-from cislunar.runtime.progress import Progress, logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import Progress, generator, logger, progress_log
 
 
 def exact_dataset(

@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.architecture.information.certificate import certify_information
-from cislunar.architecture.information.objective import InformationObjective
+from cislunar.architecture.information import InformationObjective, certify_information
 from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.objectives import ArchitectureInputs, candidate_slots
 from cislunar.runtime.progress import Progress

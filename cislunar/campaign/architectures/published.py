@@ -11,8 +11,7 @@ from cislunar.campaign.architectures.variables import (
 )
 from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.progress import logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import generator, logger, progress_log
 
 
 def published_dataset(

@@ -14,8 +14,7 @@ from cislunar.campaign.architectures.variables import (
     history_variables,
 )
 from cislunar.campaign.architectures.visibility import cost_function
-from cislunar.runtime.progress import logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import generator, logger, progress_log
 
 
 def sampling_method(method: str, sampler: str) -> str:

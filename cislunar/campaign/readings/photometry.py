@@ -7,10 +7,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry import apparent_magnitude, icosahedron, returned_light, sphere_magnitude
 from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
-from cislunar.photometry.shapes import icosahedron
-from cislunar.photometry.sphere import returned_light, sphere_magnitude
 
 Array = NDArray[np.float64]
 

@@ -4,16 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from cislunar.runtime.settings_fields import (
-    Count,
-    NotNegative,
-    Positive,
-    Section,
-    number,
-    setting,
-    several,
-    whole,
-)
+from cislunar.runtime import Count, NotNegative, Positive, Section, number, setting, several, whole
 from cislunar.runtime.settings_words import pattern
 
 # fmt: off

@@ -33,8 +33,7 @@ from cislunar.campaign.settings.tree import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import ObserverErrors
-from cislunar.runtime.settings_fields import is_multiple
-from cislunar.runtime.settings_words import shown
+from cislunar.runtime import is_multiple, shown
 
 _TAKEN = ("front", "fronts", "runs")
 """Names of other folders beside the architectures of a scenario."""

@@ -18,15 +18,9 @@ from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
-from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
-from cislunar.photometry.materials import PhotometryModel, group_materials
-from cislunar.photometry.spacecraft import MODELS
-from cislunar.runtime.settings_fields import (
-    is_multiple,
-    require_multiple,
-    shortened_interval,
-)
+from cislunar.observation import ICOSAHEDRON, BodyParameterPrior, BodySpec, require_freedom
+from cislunar.photometry import MODELS, PhotometryModel, group_materials
+from cislunar.runtime.settings_fields import is_multiple, require_multiple, shortened_interval
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from cislunar.association.model import FRAMES, KNOWN, AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.evaluation.intervals import count_interval, t_interval
-from cislunar.evaluation.metrics import PARTS
+from cislunar.evaluation import PARTS, count_interval, t_interval
 
 Array = NDArray[np.float64]
 

@@ -32,23 +32,16 @@ from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_
 from cislunar.estimation.light_curves.model_selection.characterization import (
     STATUS_NAMES as ATTITUDE_STATUS_NAMES,
 )
-from cislunar.evaluation.characterization import CHARACTERIZED_FIELDS
-from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
+from cislunar.evaluation import CHARACTERIZED_FIELDS, PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
-from cislunar.runtime.netcdf import Later, growing_dataset, variable
-from cislunar.runtime.progress import Progress
+from cislunar.runtime import Later, Progress, growing_dataset, variable
 from cislunar.runtime.provenance import provenance
-from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking import OBSERVATION_COLUMNS, ClosedLoop, kept_histories, log_variables
 from cislunar.tasking.detection_outcomes import (
     SettingNames,
     count_outcomes,
     report_estimated_parameters,
     report_outcomes,
-)
-from cislunar.tasking.histories import (
-    OBSERVATION_COLUMNS,
-    kept_histories,
-    log_variables,
 )
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill

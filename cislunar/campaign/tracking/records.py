@@ -14,18 +14,13 @@ from scipy.spatial.transform import Rotation
 from cislunar.attitude.quaternion import compose, normalize
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import direction_errors, icrf_directions
-from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
-from cislunar.ephemeris.kernel import DEFAULT_KERNEL
-from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.ephemeris import COLUMNS, DEFAULT_KERNEL, read_table, rotating_frame, tabulate_bodies
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.evaluation.characterization import INTERVAL_PARTS
-from cislunar.exchange.aem import AttitudeSegment
-from cislunar.exchange.arcs import arc, inertial_arc
-from cislunar.exchange.inertial import CENTERS, Epoch, icrf_axes
+from cislunar.exchange import CENTERS, AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
-from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
 Array = NDArray[np.float64]
@@ -140,12 +135,7 @@ class FrameOfCell(NamedTuple):
         return icrf_axes([self.start_s], self.epoch)[0].T
 
     def arc(
-        self,
-        name: str,
-        state: Array,
-        time_s: Array,
-        center: str,
-        covariance: Array | None = None,
+        self, name: str, state: Array, time_s: Array, center: str, covariance: Array | None = None
     ) -> Segment:
         """An arc of states (time, 6) and covariances (time, 6, 6) in the propagation frame."""
         given = {"center": center, "covariance": covariance}

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.figures import style
-from cislunar.figures.space.orbits_page_layout import VIEWS, scene_layout
-from cislunar.figures.space.page import body_traces, page_html
+from cislunar.figures.space import VIEWS, body_traces, page_html, scene_layout
 from cislunar.runtime.arguments import array_of
 
 Array = NDArray[np.float64]

@@ -7,9 +7,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings import CellSettings, typed
 from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors
-from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.tracking.records import (
     FrameOfCell,
     frame_of,
@@ -20,12 +19,7 @@ from cislunar.campaign.tracking.records import (
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.exchange.observations import observation_dates
-from cislunar.figures.replay.page import (
-    Replay,
-    ReplayDetections,
-    ReplayFact,
-    ReplayManeuver,
-)
+from cislunar.figures.replay.page import Replay, ReplayDetections, ReplayFact, ReplayManeuver
 from cislunar.observation.sensor import sensors_of
 
 Array = NDArray[np.float64]

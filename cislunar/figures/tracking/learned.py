@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.summary import BRIGHT_ROWS, characterized_in
 from cislunar.errors import InputFileError
-from cislunar.evaluation.characterization import CharacterizedTargets, spin_axis_error_deg
-from cislunar.evaluation.metrics import NEVER_OBSERVED
+from cislunar.evaluation import NEVER_OBSERVED, CharacterizedTargets, spin_axis_error_deg
 from cislunar.figures import style
 from cislunar.figures.axes import (
     Array,
