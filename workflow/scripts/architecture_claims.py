@@ -1,6 +1,6 @@
 """Makes tables/claims_architecture.csv: the paper's numbers and claims on the architecture."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -8,6 +8,7 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))

@@ -1,12 +1,13 @@
 """Makes tables/association.csv: association against known identities."""
 
-from cislunar.runtime import in_worker, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.association_table import association_rows
 from cislunar.campaign.tracking.summary import read_cell_metrics
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

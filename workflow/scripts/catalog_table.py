@@ -1,6 +1,6 @@
 """Makes tables/catalog.csv: the surveys of a study, over their realizations."""
 
-from cislunar.runtime import in_worker, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -8,6 +8,7 @@ import pandas as pd
 
 from cislunar.campaign.settings import StatedSurvey, typed
 from cislunar.campaign.survey.table import catalog_rows
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

@@ -1,10 +1,11 @@
 """Makes architecture/{scenario}/{design}.nc: the best architecture by an objective of its own."""
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures import ArchitectureInputs, design_dataset
+from cislunar.runtime import progress_log, read_dataset, write_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

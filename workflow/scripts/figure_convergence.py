@@ -1,6 +1,6 @@
 """Makes figures/fig11_convergence: best J against evaluations, for every optimizer."""
 
-from cislunar.runtime import in_worker, read_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from cislunar.figures.search.optimizers import convergence_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,6 +1,6 @@
 """Makes figures/fig05_target_counts, fig07_intervals and fig08_intervals_high_load: heat maps."""
 
-from cislunar.runtime import each, in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -12,6 +12,7 @@ from cislunar.figures.tracking.heatmaps import (
     intervals_figure,
     target_counts_figure,
 )
+from cislunar.runtime import each
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,6 +1,6 @@
 """Makes figures/orbits_3d.html: the interactive page of orbits, architectures and targets."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -8,6 +8,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from cislunar.figures.space.orbits_page import orbits_page
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,6 +1,6 @@
 """Makes figures/fig10_satellite_front: J and coverage by number of satellites."""
 
-from cislunar.runtime import in_worker, read_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -11,6 +11,7 @@ import pandas as pd
 
 from cislunar.figures.search.optimizers import satellite_front_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

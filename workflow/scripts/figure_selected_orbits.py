@@ -1,11 +1,12 @@
 """Makes figures/fig03_tpe_orbits, fig04_random_orbits and fig09_exact_orbits: observer orbits."""
 
-from cislunar.runtime import in_worker, read_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,12 +1,13 @@
 """Makes figures/fig06_selected_targets and fig06_components: errors and bounds of a few targets."""
 
-from cislunar.runtime import in_worker, read_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking import components_figure, selected_targets_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,13 +1,14 @@
 """Makes tables/objectives_elsewhere_{scenario}.csv: generalization of architectures to other
 targets."""
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
 from cislunar.campaign.architectures import ArchitectureInputs, generalization_rows
+from cislunar.runtime import progress_log, read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

@@ -1,6 +1,6 @@
 """Makes tables/label_comparison.csv: J of TPE by the labels of the orbits."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

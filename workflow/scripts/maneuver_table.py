@@ -1,11 +1,12 @@
 """Makes tables/maneuvers.csv: detection and recovery of targets that maneuver."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.maneuvers.table import maneuver_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

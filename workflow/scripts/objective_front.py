@@ -1,10 +1,11 @@
 """Makes architecture/{scenario}/fronts/{front}.nc: the best by number of satellites, bounds."""
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures import ArchitectureInputs, objective_front_dataset
+from cislunar.runtime import progress_log, read_dataset, write_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

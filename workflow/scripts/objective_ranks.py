@@ -1,12 +1,13 @@
 """Makes tables/objective_ranks.csv: rank correlation of objectives with tracking performance."""
 
-from cislunar.runtime import in_worker, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
 from cislunar.campaign.tracking.tables import rank_rows
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

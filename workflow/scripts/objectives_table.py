@@ -1,6 +1,6 @@
 """Makes tables/objectives_{scenario}.csv: every architecture under every objective."""
 
-from cislunar.runtime import each, in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -11,6 +11,7 @@ import pandas as pd
 from cislunar.campaign.architectures import front_architectures, objective_row, single_architecture
 from cislunar.campaign.architectures.moving import MovingTargets
 from cislunar.campaign.architectures.objectives import ArchitectureInputs
+from cislunar.runtime import each, read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

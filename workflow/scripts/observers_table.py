@@ -1,6 +1,6 @@
 """Makes tables/observers.csv: what observers of one's own reach, as in tables/architecture.csv."""
 
-from cislunar.runtime import each, in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.architectures.table2 import architecture_rows
+from cislunar.runtime import each, read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

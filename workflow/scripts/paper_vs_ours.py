@@ -1,11 +1,12 @@
 """Makes tables/paper_vs_ours.csv: each claim of the paper and this library's result."""
 
-from cislunar.runtime import in_worker, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

@@ -1,10 +1,11 @@
 """Makes tables/readings.csv: J under each reading of the paper."""
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.readings.architecture import readings_table
+from cislunar.runtime import progress_log, read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

@@ -7,7 +7,7 @@ also have the `kernels` that are loaded first, variables `without` which data se
 `progress` what the function counts.
 """
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker(snakemake.params.get("kernels", ""), f"cislunar.{snakemake.params.function}")
 
@@ -17,6 +17,7 @@ from pkgutil import resolve_name
 
 import pandas as pd
 
+from cislunar.runtime import progress_log, read_dataset, write_dataset, write_text
 from cislunar.runtime.job import job
 
 

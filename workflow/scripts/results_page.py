@@ -1,6 +1,6 @@
 """Makes tables/results.md: each claim of the paper and this library's result, as text."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))

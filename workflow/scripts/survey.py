@@ -1,12 +1,13 @@
 """Makes survey/{survey}/{realization}.csv: quality of the catalog of one realization."""
 
-from cislunar.runtime import in_worker, progress_log, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings import StatedSurvey, typed
 from cislunar.campaign.survey.realization import realization_rows, survey_realization
 from cislunar.campaign.tracking.cell import read_inputs
+from cislunar.runtime import progress_log, read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

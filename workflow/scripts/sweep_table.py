@@ -1,12 +1,13 @@
 """Makes tables/sweep_{sweep}.csv: what every value of a sweep gives."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings import Cell, SweepPoint
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 from cislunar.campaign.tracking.sweep_table import architecture_values, sweep_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

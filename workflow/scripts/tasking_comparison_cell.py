@@ -1,12 +1,13 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
 from cislunar.campaign.kernels import tracking_kernels
-from cislunar.runtime import in_worker, progress_log, write_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.estimator))
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking import compared_dataset, read_inputs
+from cislunar.runtime import progress_log, write_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

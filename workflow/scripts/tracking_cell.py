@@ -4,12 +4,13 @@ With a realization among the wildcards that one alone, kept beside the file for 
 """
 
 from cislunar.campaign.kernels import tracking_kernels
-from cislunar.runtime import in_worker, progress_log
+from cislunar.runtime.worker_client import in_worker
 
 in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.cell[2]))
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking import read_inputs, write_cell
+from cislunar.runtime import progress_log
 from cislunar.runtime.job import job
 
 with job(snakemake.log, snakemake.threads):

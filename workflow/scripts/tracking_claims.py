@@ -1,12 +1,13 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tracking with this library's result."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import sys
 from pathlib import Path
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))

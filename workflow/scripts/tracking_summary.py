@@ -1,11 +1,12 @@
 """Makes task2/summary.nc: statistics over the targets of every cell, seed by seed."""
 
-from cislunar.runtime import each, in_worker, write_dataset
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
+from cislunar.runtime import each, write_dataset
 from cislunar.runtime.job import job
 
 with job(snakemake.log):

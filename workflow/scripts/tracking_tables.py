@@ -1,10 +1,11 @@
 """Makes tables/tracking.csv, and readings_tracking.csv and estimators.csv if cells compare."""
 
-from cislunar.runtime import in_worker, read_dataset, write_text
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
 
 with job(snakemake.log):
