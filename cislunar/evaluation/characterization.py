@@ -21,8 +21,7 @@ from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.bodies import apparent_body_magnitude
 from cislunar.photometry.materials import PhotometryModel
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 INTERVAL_PARTS = ("estimate", "low", "high")
 """An estimate, and the ends of its 95 % interval."""

@@ -12,7 +12,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
@@ -24,9 +23,9 @@ from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, mea
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
 from cislunar.quantities import in_unit, nondimensional
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of, number_of, number_or_range, require_kind
 
-Array = NDArray[np.float64]
 ValueOrRange = float | tuple[float, float]
 
 _MOST_MEMBERS = 1000

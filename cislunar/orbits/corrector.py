@@ -15,14 +15,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion, jacobi_constant
 from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConvergenceError
+from cislunar.runtime import Array
 
-Array = NDArray[np.float64]
 _Constraint = Callable[[Array], tuple[float, Array]]
 
 X, Z, VY, HALF_PERIOD = range(4)

@@ -17,9 +17,8 @@ from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of, number_of, require_kind
-
-Array = NDArray[np.float64]
 
 FAMILIES: tuple[str, ...] = (
     "Butterfly_N",

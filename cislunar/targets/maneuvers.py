@@ -33,9 +33,8 @@ from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, burn_times
 from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
 from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
+from cislunar.runtime import Array
 from cislunar.targets.maneuver_model import DrawnManeuvers
-
-Array = NDArray[np.float64]
 
 MANEUVER_AXES = ("propagation", "rtn-earth", "rtn-moon")
 """Axes of a maneuver: of the propagation frame, or radial, transverse, normal about a body."""

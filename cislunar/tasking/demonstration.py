@@ -13,11 +13,10 @@ from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of
 from cislunar.tasking.initial_conditions import epoch_states
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 _ORBITS = np.array(
     [

@@ -36,12 +36,12 @@ from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import METERS
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 

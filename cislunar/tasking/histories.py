@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.runtime import Array
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 
 class Outputs(NamedTuple):

@@ -32,6 +32,7 @@ from cislunar.observation.measurement import (
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.sightline import dimming
+from cislunar.runtime import Array
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
@@ -52,8 +53,6 @@ from cislunar.tasking.recording import (
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth, estimation_errors
-
-Array = NDArray[np.float64]
 
 USED = DETECTED + 1
 """Outcome of an observation whose measurement was used, in addition to those of

@@ -31,9 +31,8 @@ from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime import Array
 from cislunar.visibility.tracks import satellite_tracks
-
-Array = NDArray[np.float64]
 
 HOUR = 3600.0 / TIME_UNIT_S
 """One hour, nondimensional."""

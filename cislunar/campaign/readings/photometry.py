@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from cislunar.photometry import apparent_magnitude, icosahedron, returned_light, sphere_magnitude
 from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _PHASE_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 _INCIDENCES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)

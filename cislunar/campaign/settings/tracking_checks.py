@@ -5,9 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cells
@@ -24,9 +21,7 @@ from cislunar.campaign.settings.scenarios import (
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ICOSAHEDRON, BodyParameterPrior, BodySpec, require_freedom
 from cislunar.photometry import MODELS, PhotometryModel, group_materials
-from cislunar.runtime.settings_fields import is_multiple, require_multiple, shortened_interval
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array, is_multiple, require_multiple, shortened_interval
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:

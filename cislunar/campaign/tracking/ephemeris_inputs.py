@@ -22,11 +22,9 @@ from cislunar.ephemeris import COLUMNS, BodyTable, read_table, rotating_frame
 from cislunar.errors import ConvergenceError
 from cislunar.observation import Scene, make_scene, station_positions, station_tracks
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, refined_path
-from cislunar.runtime.progress import Progress
+from cislunar.runtime import Array, Progress
 from cislunar.runtime.provenance import provenance
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 
 class CellEphemeris(NamedTuple):

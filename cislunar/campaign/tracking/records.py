@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
@@ -22,8 +22,7 @@ from cislunar.evaluation.characterization import INTERVAL_PARTS
 from cislunar.exchange import CENTERS, AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.observation.scene import Scene
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.settings.cells import FEWEST_RANKED, unpooled_variant
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
@@ -16,8 +15,7 @@ from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, r
 from cislunar.campaign.tracking.summary import CHARACTERIZED
 from cislunar.estimation.light_curves.model_selection.characterization import STATUS_NAMES
 from cislunar.evaluation.intervals import GEOMETRIC, SPANS_DECADES, group_means, interval_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
 _PLACE += ["observers", "targets", "interval_minutes"]

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.settings import CellSettings, typed
 from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors
@@ -21,8 +20,7 @@ from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.exchange.observations import observation_dates
 from cislunar.figures.replay.page import Replay, ReplayDetections, ReplayFact, ReplayManeuver
 from cislunar.observation.sensor import sensors_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 RECORD = ("estimates", "covariance", "measurements")
 """What a cell must record (`task2.record`) for a replay. With ``truth`` the page can show it, and

@@ -17,8 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 INFORMATION_DECIMALS = 9
 """Decimals of the information, nats, by which taskings are compared."""
