@@ -4,8 +4,6 @@ Families extend as far as JPL's catalog of three-body periodic orbits lists them
 known, through the Earth and the Moon if need be. Continued branches are cached in memory.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from functools import partial
@@ -224,11 +222,6 @@ def catalog_branch(
     -------
     list of Point
         Shared between callers: not to be modified.
-
-    Raises
-    ------
-    ConvergenceError
-        If its first member is not found.
     """
     family_named(name)
     if name.startswith(("Short_L5", "Long_L5")):

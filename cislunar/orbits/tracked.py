@@ -135,11 +135,6 @@ def tracked_targets(
         Class by class: halos, NRHOs, distant retrograde, 3:1 resonant, polar. All states lie on
         y = 0. The polar orbits are not periodic: their period is that of the osculating ellipse
         and their stability index is NaN.
-
-    Raises
-    ------
-    ConvergenceError
-        If a continuation fails.
     """
     halos = sum(HALO_COUNTS.values())
     parts = len(NRHO_RESONANCES) + RETROGRADE_COUNT + sum(RESONANT_COUNTS.values())

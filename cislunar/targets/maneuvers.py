@@ -118,13 +118,8 @@ class ManeuverTable(NamedTuple):
                 raise InputFileError(f"{place}: there is no such target of {which}; {remedy}")
 
     def of_targets(self, names: Sequence[Sequence[str]]) -> "ManeuverTable":
-        """The maneuvers of some targets, given by all the names of each.
-
-        Raises
-        ------
-        InputFileError
-            If burns of a target, which the table may name differently, overlap.
-        """
+        """The maneuvers of some targets, given by all the names of each. Raises an `InputFileError`
+        if burns of a target, which the table may name differently, overlap."""
         index = {name: j for j, own in enumerate(names) for name in own}
         rows = [k for k, name in enumerate(self.name) if name in index]
         target = np.array([index[self.name[k]] for k in rows], dtype=np.int64)

@@ -1,7 +1,5 @@
 """A tracking problem of any size that needs no file, for demonstrations and benchmarks."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -10,8 +10,6 @@ Assumptions and limitations
 - Detections are processed at once; links with a delay need known identities.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

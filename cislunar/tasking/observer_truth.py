@@ -12,8 +12,6 @@ Assumptions and limitations
 - Magnitude, occultation and the field of view are those of the time stamp.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Its state does not grow with the length of the run, except for the light curves 
 estimator; histories are returned in pieces.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Visibility counts of static targets for every orbit and satellite count."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

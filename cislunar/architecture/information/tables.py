@@ -165,11 +165,6 @@ def moving_targets(
         Windows and sample times.
     mu : float
         Mass ratio.
-
-    Raises
-    ------
-    ConvergenceError
-        If a target collides with the center of a body.
     """
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))

@@ -5,8 +5,6 @@ estimates within a span that is processed again are not needed, fits light curve
 and propagates attitudes in longer steps.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
