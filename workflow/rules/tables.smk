@@ -97,9 +97,9 @@ rule generalization_table:
         sun=shared("ephemeris/sun"),
         mesh=objective_mesh,
     output:
-        table_file("objectives_elsewhere_{scenario}", "objectives_generalization"),
+        table_file("objectives_generalization_{scenario}", "objectives_generalization"),
     log:
-        log_of("tables/objectives_elsewhere_{scenario}"),
+        log_of("tables/objectives_generalization_{scenario}"),
         times=benchmark_of("generalization_table/{scenario}"),
     conda:
         "../envs/cislunar.yaml"

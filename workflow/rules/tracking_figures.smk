@@ -257,7 +257,7 @@ rule characterization_figure:
         function="figures.tracking.characterization_figure",
         without=HISTORIES,
     message:
-        "Drawing what light curves tell of targets whose bodies are not as believed"
+        "Drawing the characterization of targets from their light curves"
     script:
         "../scripts/result.py"
 

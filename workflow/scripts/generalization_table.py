@@ -1,4 +1,4 @@
-"""Makes tables/objectives_elsewhere_{scenario}.csv: generalization of architectures to other
+"""Makes tables/objectives_generalization_{scenario}.csv: generalization of architectures to other
 targets."""
 
 from cislunar.runtime.worker_client import in_worker

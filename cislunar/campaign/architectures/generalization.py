@@ -39,7 +39,7 @@ def generalization_rows(
     seed: int,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """Rows of ``tables/objectives_elsewhere.csv``; for `settings` see
+    """Rows of ``tables/objectives_generalization.csv``; for `settings` see
     `cislunar.campaign.architectures.objectives.objective_of`.
 
     They also have the key `generalization` of `architecture`. The architectures chosen on the

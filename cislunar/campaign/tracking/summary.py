@@ -305,7 +305,7 @@ def _associated(cell: xr.Dataset) -> dict[str, Array]:
 
 
 def characterized_in(cell: xr.Dataset) -> CharacterizedTargets:
-    """What light curves tell of the targets of a cell, with a leading axis over realizations."""
+    """Characterization of the targets of a cell, with a leading axis over realizations."""
     return CharacterizedTargets(*(cell[name].values for name in CharacterizedTargets._fields))
 
 
