@@ -143,11 +143,11 @@ rule front:
 
 rule design:
     input:
+        lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
     output:
         results("architecture/{scenario}/{design}.nc"),
     log:
@@ -159,22 +159,26 @@ rule design:
     resources:
         mem_mb=2000,
     params:
+        function="campaign.architectures.design_dataset",
+        inputs="campaign.architectures.ArchitectureInputs",
+        name=lambda wildcards: wildcards.design,
+        progress="orbits",
         design=lambda wildcards: DESIGNS[wildcards.design],
         settings=lambda wildcards: objective_settings(wildcards, DESIGNS[wildcards.design]),
         seed=config["seed"],
     message:
         "Searching for the design {wildcards.design} (scenario {wildcards.scenario})"
     script:
-        "../scripts/design.py"
+        "../scripts/result.py"
 
 
 rule objective_front:
     input:
+        lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
     output:
         results("architecture/{scenario}/fronts/{front}.nc"),
     log:
@@ -187,10 +191,14 @@ rule objective_front:
     resources:
         mem_mb=2000,
     params:
+        function="campaign.architectures.objective_front_dataset",
+        inputs="campaign.architectures.ArchitectureInputs",
+        name=lambda wildcards: wildcards.front,
+        progress="orbits",
         front=lambda wildcards: FRONTS[wildcards.front],
         settings=lambda wildcards: objective_settings(wildcards, FRONTS[wildcards.front]),
         seed=config["seed"],
     message:
         "Searching the front {wildcards.front} by number of satellites (scenario {wildcards.scenario})"
     script:
-        "../scripts/objective_front.py"
+        "../scripts/result.py"

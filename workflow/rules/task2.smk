@@ -228,10 +228,12 @@ rule objective_ranks:
         log_of("tables/objective_ranks"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.tracking.rank_rows",
     message:
         "Ranking objectives by the tracking of their architectures"
     script:
-        "../scripts/objective_ranks.py"
+        "../scripts/result.py"
 
 
 rule model_error_table:

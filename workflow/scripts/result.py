@@ -1,10 +1,11 @@
 """Makes a result from its input files and parameters by one function of the library.
 
-`params.function` names it within `cislunar`. Unnamed input files are its first arguments; named
-input files, the other parameters, and the wildcards and threads that it takes are the arguments of
-their names. Files are read, except those of arguments whose name ends with ``path``. `params` may
-also have the `kernels` that are loaded first, variables `without` which data sets are read, and as
-`progress` what the function counts.
+`params.function` names it within `cislunar`. Named input files, the other parameters, and the
+wildcards and threads that it takes are the arguments of their names; unnamed input files are its
+first arguments if no file has a name. Files are read, except those of arguments whose name ends
+with ``path``. `params` may also have the `kernels` that are loaded first, variables `without` which
+data sets are read, as `progress` what the function counts, and as `inputs` the class of a named
+tuple whose fields are named input files.
 """
 
 from cislunar.runtime.worker_client import in_worker
@@ -38,6 +39,9 @@ with job(snakemake.log, snakemake.threads):
     given |= {key: each if key.endswith("path") else read(each) for key, each in named.items()}
     special = ("function", "kernels", "without")
     given |= {key: value for key, value in snakemake.params.items() if key not in special}
+    if "inputs" in given:
+        kind = resolve_name(f"cislunar.{given['inputs']}")
+        given["inputs"] = kind(*map(given.pop, kind._fields))
     if "progress" in given:
         given["progress"] = progress_log(given["progress"])
     result = function(*([] if named else read(snakemake.input)), **given)

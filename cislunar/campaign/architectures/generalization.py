@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -38,7 +39,7 @@ def generalization_rows(
     scenario: str,
     seed: int,
     progress: Progress | None = None,
-) -> list[dict[str, Any]]:
+) -> pd.DataFrame:
     """Rows of ``tables/objectives_generalization.csv``; for `settings` see
     `cislunar.campaign.architectures.objectives.objective_of`.
 
@@ -96,4 +97,4 @@ def generalization_rows(
                 })  # fmt: skip
         if progress is not None:
             progress(done + 1, len(judges))
-    return rows
+    return pd.DataFrame(rows)

@@ -265,14 +265,15 @@ def _filled(texts: pd.Series) -> pd.Series:
     return texts.astype(object).fillna("")
 
 
-def rank_rows(objectives: pd.DataFrame, tracking: pd.DataFrame) -> pd.DataFrame:
+def rank_rows(objectives: Sequence[pd.DataFrame], tracking: pd.DataFrame) -> pd.DataFrame:
     """Rows of ``tables/objective_ranks.csv``, from the tables of objectives and of tracking.
 
     For every group of cells that differ only in their architecture and have the same number of
     observers: rank correlation of each objective with tracking performance. Groups of fewer
     architectures than `FEWEST_RANKED` are left out.
     """
-    named = objectives[_filled(objectives["front"]) == ""]
+    every = pd.concat(objectives)
+    named = every[_filled(every["front"]) == ""]
     both = tracking.assign(**{key: _filled(tracking[key]) for key in ("variant", "part")})
     both = both.merge(named[["scenario", "architecture", *OBJECTIVES]], how="inner")
     rows = []
