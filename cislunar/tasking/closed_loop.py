@@ -220,9 +220,7 @@ class ClosedLoop:
     def outputs(self) -> Outputs:
         """What the estimator returns besides the motion."""
         return Outputs(
-            bool(self.estimated_parameters),
-            self.inputs.chooses_models,
-            self.inputs.tests_maneuvers,
+            bool(self.estimated_parameters), self.inputs.chooses_models, self.inputs.tests_maneuvers
         )
 
     @property

@@ -26,10 +26,7 @@ from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, exp
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
-from cislunar.observation.measurement import (
-    DETECTED,
-    NOT_TASKED,
-)
+from cislunar.observation.measurement import DETECTED, NOT_TASKED
 from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import METERS

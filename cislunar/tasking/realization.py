@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 
 from cislunar.association.tracks import known_tracks
 from cislunar.estimation.eclipses import without_dimming
-from cislunar.estimation.estimator import (
-    Estimates,
-    Prediction,
-)
+from cislunar.estimation.estimator import Estimates, Prediction
 from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation

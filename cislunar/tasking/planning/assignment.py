@@ -163,11 +163,7 @@ def _tpe(
 
 
 _DIRECT: dict[str, Callable] = {"exact": _exact, "greedy": _greedy}
-_SEARCHES: dict[str, Callable] = {
-    "tpe": _tpe,
-    "tpe-compiled": _compiled_tpe,
-    "random": _random,
-}
+_SEARCHES: dict[str, Callable] = {"tpe": _tpe, "tpe-compiled": _compiled_tpe, "random": _random}
 METHODS = ("exact", "tpe", "tpe-compiled", "greedy", "random")
 
 
