@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from cislunar.errors import CislunarError, InputFileError
-from cislunar.runtime.netcdf import read_dataset
-from cislunar.runtime.progress import each
+from cislunar.runtime import each, read_dataset
 
 _WRITING_S = 600.0
 _REMAINDER = ".part"

@@ -7,8 +7,7 @@ from typing import Any
 import click
 
 from cislunar.errors import CislunarError
-from cislunar.runtime.compilation import announced
-from cislunar.runtime.kernels import drop_stale_kernels
+from cislunar.runtime import announced, drop_stale_kernels
 from cislunar.runtime.progress import Progress, logger, on_terminal, progress_log
 
 FAILED, INTERRUPTED = 2, 130

@@ -1,4 +1,4 @@
-"""How good an estimate is, and how good it could be: metrics and the Cramer-Rao bound."""
+"""Metrics of estimates, and the Cramer-Rao bound."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""What light curves tell of objects, beside the truth.
+"""Characterization of objects from light curves, compared with the truth.
 
 The estimates are those of `cislunar.estimation.light_curves.model_selection`. The truth of the
 amplitude and of area times albedo is evaluated at the times and in the geometry of the same rows,
@@ -21,8 +21,7 @@ from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.bodies import apparent_body_magnitude
 from cislunar.photometry.materials import PhotometryModel
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 INTERVAL_PARTS = ("estimate", "low", "high")
 """An estimate, and the ends of its 95 % interval."""
@@ -99,7 +98,7 @@ def characterized_targets(
     omega: Array,
     surfaces: TargetSurfaces,
 ) -> CharacterizedTargets:
-    """Estimates of all targets beside the truth.
+    """Estimates of all targets, compared with the truth.
 
     Parameters
     ----------

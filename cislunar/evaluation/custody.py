@@ -5,9 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import Positive, Section, setting
-
-Array = NDArray[np.float64]
 
 
 class Custody(Section):

@@ -1,4 +1,4 @@
-"""Errors of a set of tracks against a set of targets (GOSPA), and what a catalog is worth.
+"""Errors of a set of tracks against a set of targets (GOSPA), and the quality of a catalog.
 
 The generalized optimal subpattern assignment metric with alpha = 2 (Rahmathullah, Garcia-Fernandez
 & Svensson 2017, 20th International Conference on Information Fusion) is
@@ -90,7 +90,7 @@ def gospa(targets: ArrayLike, tracks: ArrayLike, cutoff: float, order: float = 2
 
 
 class CatalogQuality(NamedTuple):
-    """What a catalog is worth over a run.
+    """Quality of a catalog over a run.
 
     Attributes
     ----------

@@ -16,11 +16,11 @@ from collections.abc import Hashable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import beta, chi2
 from scipy.stats import t as student_t
 
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 CONFIDENCE = 0.95
 

@@ -13,11 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.figures.style import BLACK, panel_letter
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _LEAST_SPACING = 0.13
 """Least distance between two tick labels, as a share of the axis."""

@@ -19,8 +19,7 @@ from PIL import Image
 
 from cislunar.errors import ConfigurationError
 from cislunar.figures import labels
-from cislunar.runtime.netcdf import whole_file
-from cislunar.runtime.progress import progress_log
+from cislunar.runtime import progress_log, whole_file
 
 ORANGE = "#E69F00"
 SKY = "#56B4E9"

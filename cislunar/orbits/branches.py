@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import libration_points
@@ -26,8 +25,7 @@ from cislunar.orbits.corrector import (
     hyperplane,
     shoot,
 )
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _LYAPUNOV_AMPLITUDE = 1e-3
 _HALO_HEIGHT = {1: 1e-3, 2: 1e-3, 3: 5e-3}

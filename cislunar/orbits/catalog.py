@@ -4,21 +4,14 @@ Families extend as far as JPL's catalog of three-body periodic orbits lists them
 known, through the Earth and the Moon if need be. Continued branches are cached in memory.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cislunar.constants import (
-    EARTH_RADIUS_KM,
-    MOON_RADIUS_KM,
-    MU,
-)
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalog_seeds as seeds
 from cislunar.orbits.branches import Seed
@@ -28,9 +21,9 @@ from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, mea
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
 from cislunar.quantities import in_unit, nondimensional
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of, number_of, number_or_range, require_kind
 
-Array = NDArray[np.float64]
 ValueOrRange = float | tuple[float, float]
 
 _MOST_MEMBERS = 1000
@@ -229,11 +222,6 @@ def catalog_branch(
     -------
     list of Point
         Shared between callers: not to be modified.
-
-    Raises
-    ------
-    ConvergenceError
-        If its first member is not found.
     """
     family_named(name)
     if name.startswith(("Short_L5", "Long_L5")):

@@ -9,7 +9,6 @@ about the Earth.
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import equations_of_motion, libration_points, variational_matrix
@@ -17,8 +16,6 @@ from cislunar.errors import ConvergenceError
 from cislunar.orbits.branches import Seed, lyapunov_seed, opposite
 from cislunar.orbits.continuation import Point, continue_branch, locate
 from cislunar.orbits.corrector import AXIS, X, Z, at_x, correct, fix_coordinate, hyperplane
-
-Array = NDArray[np.float64]
 
 _VERTICAL_SPEED = 0.02
 _AXIAL_SPEED = 5e-3

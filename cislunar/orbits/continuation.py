@@ -8,14 +8,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from cislunar.constants import MU
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.corrector import HalfOrbit, correct, hyperplane
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _MIN_STEP = 1e-7
 MAX_STEP = 0.03

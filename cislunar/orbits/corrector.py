@@ -15,14 +15,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion, jacobi_constant
+from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion
 from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConvergenceError
+from cislunar.runtime import Array
 
-Array = NDArray[np.float64]
 _Constraint = Callable[[Array], tuple[float, Array]]
 
 X, Z, VY, HALF_PERIOD = range(4)
@@ -125,19 +125,6 @@ def fix_coordinate(index: int, value: float) -> _Constraint:
 def hyperplane(point: Array, normal: Array) -> _Constraint:
     """Constraint (u - point) . normal = 0."""
     return lambda u: (float((u - point) @ normal), normal)
-
-
-def fix_jacobi(value: float, mu: float = MU) -> _Constraint:
-    """Constraint JC(u) = value."""
-
-    def constraint(u: Array) -> tuple[float, Array]:
-        state = _crossing_state(u)
-        # grad JC = 2 grad U - 2 v; at rest, the equations of motion return grad U.
-        force = equations_of_motion([u[X], 0.0, u[Z], 0.0, 0.0, 0.0], mu)
-        gradient = np.array([2.0 * force[3], 2.0 * force[5], -2.0 * u[VY], 0.0])
-        return float(jacobi_constant(state, mu)) - value, gradient
-
-    return constraint
 
 
 def correct(

@@ -1,7 +1,5 @@
 """The thirteen families of candidate observer orbits (Paul & Fan, section 3)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
@@ -17,9 +15,8 @@ from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of, number_of, require_kind
-
-Array = NDArray[np.float64]
 
 FAMILIES: tuple[str, ...] = (
     "Butterfly_N",
@@ -186,11 +183,6 @@ def observer_library(
     OrbitSet
         In the order of `FAMILIES` and along each family. All states are perpendicular crossings of
         y = 0.
-
-    Raises
-    ------
-    ConvergenceError
-        If a continuation fails.
     """
     given = DEFAULT_MEMBERS if members is None else members
     require_kind("members", given, Mapping, "give a number for each family, {'Halo_L2_S': 23}")
@@ -246,11 +238,6 @@ def family_members(
     -------
     OrbitSet
         In order along the family; empty if no member has the value.
-
-    Raises
-    ------
-    ConvergenceError
-        If the continuation fails.
     """
     if (jacobi is None) == (period is None):
         raise ConfigurationError(f"members of {family}: give either jacobi or period, and only one")

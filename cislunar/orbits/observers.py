@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import (
     EARTH_RADIUS_KM,
@@ -45,8 +44,7 @@ from cislunar.exchange.table_rows import (
 from cislunar.orbits.catalog import family_named, periodic_orbits
 from cislunar.orbits.families import OrbitSet, concatenate
 from cislunar.orbits.stability import stability_index
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _DAYS = TIME_UNIT_S / SECONDS_PER_DAY
 _JACOBI: Columns = (("jacobi",), 1.0)

@@ -1,13 +1,12 @@
 """Linear stability of periodic orbits (Paul & Fan, section 3)."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import CR3BP, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_stm
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _SAMPLES = 256
 

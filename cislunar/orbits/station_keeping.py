@@ -1,15 +1,14 @@
 """Station-keeping cost of periodic orbits: the velocity that cancels their unstable deviations."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.stability import farthest_state
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _PLACES = 64  # possible maneuvers per revolution
 _STABLE = (

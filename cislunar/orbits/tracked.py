@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import jacobi_constant
@@ -29,8 +28,7 @@ from cislunar.orbits.families import (
     spaced_members,
 )
 from cislunar.orbits.selection import select
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 HALO_COUNTS = {"Halo_L1_N": 30, "Halo_L1_S": 30, "Halo_L2_N": 30, "Halo_L2_S": 28}
 _SYNODIC_MONTH_DAYS = 29.530589
@@ -137,11 +135,6 @@ def tracked_targets(
         Class by class: halos, NRHOs, distant retrograde, 3:1 resonant, polar. All states lie on
         y = 0. The polar orbits are not periodic: their period is that of the osculating ellipse
         and their stability index is NaN.
-
-    Raises
-    ------
-    ConvergenceError
-        If a continuation fails.
     """
     halos = sum(HALO_COUNTS.values())
     parts = len(NRHO_RESONANCES) + RETROGRADE_COUNT + sum(RESONANT_COUNTS.values())

@@ -14,6 +14,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from cislunar.runtime.progress import logger, on_terminal
 
 _PACKAGE = Path(cislunar.__file__).parent
 _IMPORTED = re.compile(r"^ *from (cislunar[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+_EXPORTED = re.compile(r'"(\w+)": \[([^]]*)\]')
 
 
 def stamps() -> dict[Path, str]:
@@ -44,13 +46,22 @@ def stamps() -> dict[Path, str]:
 
 
 def _imports(text: str) -> set[Path]:
-    """Files that a module of the library may import."""
+    """Files that a module of the library may import, also by the interfaces of packages."""
     found = set()
-    for module, names in _IMPORTED.findall(text):
-        place = _PACKAGE.parent.joinpath(*module.split("."))
+    for module, listed in _IMPORTED.findall(text):
+        place, names = _PACKAGE.parent.joinpath(*module.split(".")), re.findall(r"\w+", listed)
         found.add(place.with_suffix(".py"))
-        found.update(place / f"{name}.py" for name in re.findall(r"\w+", names))
+        found.update(place / f"{name}.py" for name in names)
+        for own, exported in _exports(place / "__init__.py"):
+            if shared := set(names) & set(re.findall(r"\w+", exported)):
+                found |= _imports(f"from {module}.{own} import {', '.join(shared)}")
     return found
+
+
+@cache
+def _exports(interface: Path) -> list[tuple[str, str]]:
+    """Modules of a package and the names that its interface takes from each."""
+    return _EXPORTED.findall(interface.read_text("utf-8")) if interface.is_file() else []
 
 
 def _closure(paths: Iterable[Path], imports: Callable[[Path], Iterable[Path]]) -> set[Path]:

@@ -2,11 +2,11 @@
 
 The first line of every script passes the script to the worker of its run
 (`cislunar.runtime.worker_client`), which the first job starts. The worker imports the modules that
-the script imports, loads the kernels that it names, and forks. The job runs in a process of its
-own, with terminal, folder and environment of the process that submitted it, which waits and ends
-with the same exit code or signal. The worker ends with its run. It starts no threads, which a fork
-would lose. Without a worker, as on nodes of a cluster and beyond Linux, a script runs in its own
-process.
+the script imports or names, loads the kernels that it names, and forks. The job runs in a process
+of its own, with terminal, folder and environment of the process that submitted it, which waits and
+ends with the same exit code or signal. The worker ends with its run. It starts no threads, which a
+fork would lose. Without a worker, as on nodes of a cluster and beyond Linux, a script runs in its
+own process.
 """
 
 import ast
@@ -15,6 +15,7 @@ import gc
 import importlib
 import json
 import os
+import pkgutil
 import runpy
 import selectors
 import signal
@@ -40,6 +41,7 @@ class _Request(NamedTuple):
     streams: list[int]
     script: str
     kernels: str
+    function: str
     cwd: str
     environ: dict[str, str]
 
@@ -107,7 +109,7 @@ class _Worker:
             return
         request = _Request(connection, streams, **json.loads(message))
         self.requests.append(request)
-        _import_what_it_imports(request.script)
+        _import_what_it_imports(request)
         if request.kernels in self.loaded:
             self.start(request)
         elif request.kernels in self.waiting:
@@ -217,15 +219,20 @@ def _do(work: Callable[[], Any], request: _Request) -> NoReturn:
         os._exit(code)
 
 
-def _import_what_it_imports(script: str) -> None:
-    """Import the modules that the top level of a script imports; a failure repeats in the job."""
+def _import_what_it_imports(request: _Request) -> None:
+    """Import the modules that the top level of a script imports, and that of the function that it
+    calls; a failure repeats in the job."""
     with contextlib.suppress(Exception):
-        for node in ast.parse(Path(script).read_text(encoding="utf-8")).body:
+        for node in ast.parse(Path(request.script).read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom) and node.module:
-                importlib.import_module(node.module)
+                module = importlib.import_module(node.module)
+                for name in node.names:
+                    getattr(module, name.name)
             elif isinstance(node, ast.Import):
                 for name in node.names:
                     importlib.import_module(name.name)
+        if request.function:
+            pkgutil.resolve_name(request.function)
 
 
 def main() -> None:

@@ -42,9 +42,10 @@ def offer_worker(main: bool) -> None:
         os.environ[FOLDER] = str(Path(tempfile.gettempdir()) / name)
 
 
-def in_worker(kernels: str = "") -> None:
+def in_worker(kernels: str = "", function: str = "") -> None:
     """Run this script in the worker of its run and end with it; return if there is no worker.
-    `kernels` names the kernels to be loaded first, see `cislunar.runtime.kernels`."""
+    `kernels` names the kernels to be loaded first, see `cislunar.runtime.kernels`, and `function`
+    the function that the script calls, whose module the worker imports."""
     folder = os.environ.get(FOLDER)
     if folder == _FORKED:
         return
@@ -58,6 +59,7 @@ def in_worker(kernels: str = "") -> None:
     request = {
         "script": os.path.abspath(sys.argv[0]),
         "kernels": kernels,
+        "function": function,
         "cwd": os.getcwd(),
         "environ": {**os.environ, FOLDER: _FORKED},
     }

@@ -34,8 +34,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.runtime import Array
 
-Array = NDArray[np.float64]
 Phases = Callable[[str], Callable[[int, int], None]]
 
 SEEDINGS = ("k-means++", "greedy k-means++", "random")

@@ -3,14 +3,7 @@
 from pydantic import model_validator
 
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.settings_fields import (
-    NotNegative,
-    Positive,
-    Section,
-    Text,
-    number,
-    setting,
-)
+from cislunar.runtime.settings_fields import NotNegative, Positive, Section, Text, number, setting
 
 # fmt: off
 

@@ -33,9 +33,8 @@ from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, burn_times
 from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
 from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
+from cislunar.runtime import Array
 from cislunar.targets.maneuver_model import DrawnManeuvers
-
-Array = NDArray[np.float64]
 
 MANEUVER_AXES = ("propagation", "rtn-earth", "rtn-moon")
 """Axes of a maneuver: of the propagation frame, or radial, transverse, normal about a body."""
@@ -119,13 +118,8 @@ class ManeuverTable(NamedTuple):
                 raise InputFileError(f"{place}: there is no such target of {which}; {remedy}")
 
     def of_targets(self, names: Sequence[Sequence[str]]) -> "ManeuverTable":
-        """The maneuvers of some targets, given by all the names of each.
-
-        Raises
-        ------
-        InputFileError
-            If burns of a target, which the table may name differently, overlap.
-        """
+        """The maneuvers of some targets, given by all the names of each. Raises an `InputFileError`
+        if burns of a target, which the table may name differently, overlap."""
         index = {name: j for j, own in enumerate(names) for name in own}
         rows = [k for k, name in enumerate(self.name) if name in index]
         target = np.array([index[self.name[k]] for k in rows], dtype=np.int64)

@@ -32,7 +32,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -56,10 +56,9 @@ from cislunar.dynamics import (
 )
 from cislunar.ephemeris.bodies import COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, count_of, number_of
 from cislunar.targets.tables import TargetStates
-
-Array = NDArray[np.float64]
 
 _DAY = SECONDS_PER_DAY / TIME_UNIT_S
 _KM = 1.0 / LENGTH_UNIT_KM

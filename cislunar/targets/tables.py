@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange.catalog import COLUMNS, is_catalog, read_catalog
@@ -50,9 +49,8 @@ from cislunar.exchange.table_rows import (
     row_position,
     row_state,
 )
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import number_of
-
-Array = NDArray[np.float64]
 
 
 class TargetStates(NamedTuple):

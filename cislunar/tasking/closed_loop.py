@@ -34,6 +34,7 @@ from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor, sensors_of
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, count_of, require_kind
 from cislunar.runtime.progress import logger
 from cislunar.runtime.settings_fields import shortened_interval
@@ -56,8 +57,6 @@ from cislunar.tasking.recording import Piece, collect, concatenate
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import TruthModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -221,9 +220,7 @@ class ClosedLoop:
     def outputs(self) -> Outputs:
         """What the estimator returns besides the motion."""
         return Outputs(
-            bool(self.estimated_parameters),
-            self.inputs.chooses_models,
-            self.inputs.tests_maneuvers,
+            bool(self.estimated_parameters), self.inputs.chooses_models, self.inputs.tests_maneuvers
         )
 
     @property

@@ -11,6 +11,7 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information, values_in_field
 from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
 from cislunar.tasking.planning.detection import LearnedDetection
@@ -21,8 +22,6 @@ from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.planning.slot_observations import slot_observations
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 
 class Decision(NamedTuple):

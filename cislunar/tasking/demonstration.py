@@ -1,7 +1,5 @@
 """A tracking problem of any size that needs no file, for demonstrations and benchmarks."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +11,10 @@ from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import count_of
 from cislunar.tasking.initial_conditions import epoch_states
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 _ORBITS = np.array(
     [
@@ -45,12 +42,7 @@ def _observer_tracks(n_observers: int, elapsed_s: Array) -> Array:
     phase = 2.4 * number + elapsed_s / TIME_UNIT_S
     center = np.where(number % 2 == 0, 1.15, -0.85)
     return np.stack(
-        [
-            center + 0.05 * np.cos(phase),
-            0.3 * np.sin(phase),
-            0.25 * np.cos(phase + number),
-        ],
-        axis=-1,
+        [center + 0.05 * np.cos(phase), 0.3 * np.sin(phase), 0.25 * np.cos(phase + number)], axis=-1
     )
 
 
@@ -78,10 +70,7 @@ class TrackingProblem(NamedTuple):
 
 
 def tracking_problem(
-    n_observers: int = 4,
-    n_targets: int = 5,
-    model: PhotometryModel | None = None,
-    **settings: Any,
+    n_observers: int = 4, n_targets: int = 5, model: PhotometryModel | None = None, **settings: Any
 ) -> TrackingProblem:
     """Observers near the far sides of Earth and Moon, and targets on near-periodic orbits.
 

@@ -10,8 +10,6 @@ Assumptions and limitations
 - Detections are processed at once; links with a delay need known identities.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -28,20 +26,17 @@ from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, exp
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
-from cislunar.observation.measurement import (
-    DETECTED,
-    NOT_TASKED,
-)
+from cislunar.observation.measurement import DETECTED, NOT_TASKED
 from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import METERS
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.runtime import Array
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 
 class Outputs(NamedTuple):
@@ -30,48 +29,31 @@ class History(NamedTuple):
     `along`: time axis, "epoch" (tasking epochs), "step" (measurement times) or "time" (recorded
     times); `dims`: dimensions after realization and time; `dtype`: NumPy type; `unit`: "1" if there
     is none; `long_name`: description, in which ``{frame}`` stands for the unit and frame of
-    positions and velocities; `kept`: whether a run keeps the quantity, given its `LoopSettings` and
-    the `Outputs` of its estimator."""
+    positions and velocities; `kept`: the condition, in `_KEPT` or among the records, under which a
+    run keeps the quantity."""
 
     along: str
     dims: tuple[str, ...]
     dtype: str
     unit: str
     long_name: str
-    kept: Callable[[LoopSettings, Outputs], bool]
+    kept: str
 
 
-def _always(_settings: LoopSettings, _outputs: Outputs) -> bool:
-    return True
-
-
-def _in_histories(name: str) -> Callable[[LoopSettings, Outputs], bool]:
-    return lambda settings, _: name in settings.histories
-
-
-def _in_record(name: str) -> Callable[[LoopSettings, Outputs], bool]:
-    return lambda settings, _: name in settings.record
-
-
-def _learned(settings: LoopSettings, _outputs: Outputs) -> bool:
-    return settings.tasking.detection is not None
-
-
-def _associated(settings: LoopSettings, _outputs: Outputs) -> bool:
-    return settings.association.in_field
-
-
-def _estimated(_settings: LoopSettings, outputs: Outputs) -> bool:
-    return outputs.parameters
-
-
-def _chosen(_settings: LoopSettings, outputs: Outputs) -> bool:
-    return outputs.models
-
-
-def _tested(_settings: LoopSettings, outputs: Outputs) -> bool:
-    return outputs.maneuvers
-
+_KEPT: dict[str, Callable[[LoopSettings, Outputs], bool]] = {
+    "always": lambda settings, outputs: True,
+    "errors": lambda settings, outputs: "errors" in settings.histories,
+    "bound": lambda settings, outputs: "bound" in settings.histories,
+    "pairs": lambda settings, outputs: settings.keep_information,
+    "bounded": lambda settings, outputs: settings.schedule.bounded,
+    "learned": lambda settings, outputs: settings.tasking.detection is not None,
+    "associated": lambda settings, outputs: settings.association.in_field,
+    "estimated": lambda settings, outputs: outputs.parameters,
+    "chosen": lambda settings, outputs: outputs.models,
+    "tested": lambda settings, outputs: outputs.maneuvers,
+}
+"""Whether a run keeps a history, by a name for the condition; other names are those of
+``settings.record``."""
 
 _STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
 _STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see parameter_unit"
@@ -81,137 +63,136 @@ _FRAME = "{frame}"
 
 def _motion(word: str, record: str) -> dict[str, History]:
     """Histories of the true or estimated motion."""
-    kept = _in_record(record)
     return {
         f"{word}_translation": History(
             "time", ("target", "translation"), "f8", "1",
-            f"{word} position and velocity, {_FRAME}", kept),
+            f"{word} position and velocity, {_FRAME}", record),
         f"{word}_quaternion": History(
             "time", ("target", "quaternion"), "f8", "1",
-            f"{word} attitude, inertial frame to body frame", kept),
+            f"{word} attitude, inertial frame to body frame", record),
         f"{word}_angular_velocity": History(
             "time", ("target", "body_axis"), "f8", "rad s-1",
-            f"{word} angular velocity, body frame", kept),
+            f"{word} angular velocity, body frame", record),
     }  # fmt: skip
 
 
 HISTORIES = {
     "assignment": History(
         "epoch", ("observer",), "i2", "1",
-        "index of the target along dimension target, -1 for an idle observer", _always),
+        "index of the target along dimension target, -1 for an idle observer", "always"),
     "information": History(
-        "epoch", (), "f8", "nat", "mutual information of the tasking", _always),
-    "evaluations": History("epoch", (), "i4", "1", "taskings evaluated", _always),
+        "epoch", (), "f8", "nat", "mutual information of the tasking", "always"),
+    "evaluations": History("epoch", (), "i4", "1", "taskings evaluated", "always"),
     "outcome": History(
         "step", ("target",), "u1", "1",
         "detection outcome; of several observations the furthest in the order of the flags",
-        _always),
+        "always"),
     "error": History(
         "time", _STATE, "f4", _STATE_UNIT, "truth less estimate (attitude: GRP)",
-        _in_histories("errors")),
+        "errors"),
     "sigma": History(
         "time", _STATE, "f4", _STATE_UNIT, "standard deviation of the estimate",
-        _in_histories("errors")),
+        "errors"),
     "bound": History(
         "time", _STATE, "f4", _STATE_UNIT,
-        "standard deviation of the posterior Cramer-Rao bound", _in_histories("bound")),
+        "standard deviation of the posterior Cramer-Rao bound", "bound"),
     "pair_information": History(
         "epoch", ("observer", "target"), "f8", "nat", "mutual information of every pair",
-        lambda settings, _: settings.keep_information),
+        "pairs"),
     "brightness_offset": History(
         "epoch", ("target",), "f4", "mag",
         "magnitude of the target less the expected magnitude, learned after the interval",
-        _learned),
+        "learned"),
     "brightness_offset_sigma": History(
-        "epoch", ("target",), "f4", "mag", "standard deviation of brightness_offset", _learned),
+        "epoch", ("target",), "f4", "mag", "standard deviation of brightness_offset", "learned"),
     "planning_gap": History(
         "epoch", (), "f8", "1",
         "relative amount by which the schedule may fall short of the best: largest gap of the set "
         "packings, or the gap to the bound of all slots with task2.tasking.bound_steps",
-        lambda settings, _: settings.schedule.bounded),
+        "bounded"),
     "parameter_error": History(
         "epoch", _PARAMETER, "f4", _PARAMETER_UNIT,
-        "truth less estimate of the body-parameter deviations, after the interval", _estimated),
+        "truth less estimate of the body-parameter deviations, after the interval", "estimated"),
     "parameter_sigma": History(
         "epoch", _PARAMETER, "f4", _PARAMETER_UNIT,
-        "standard deviation of the estimated body-parameter deviations", _estimated),
+        "standard deviation of the estimated body-parameter deviations", "estimated"),
     "searches": History(
         "epoch", ("target",), "i4", "1", "searches for the modes of the fits up to the epoch",
-        _estimated),
+        "estimated"),
     "attitude_status": History(
         "epoch", ("target",), "u1", "1",
         "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
-        "or reflection law differs from the assumed one", _chosen),
+        "or reflection law differs from the assumed one", "chosen"),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(
         "time", ("target", "translation", "translation_2"), "f8", "1",
-        f"covariance of the estimated position and velocity, {_FRAME}", _in_record("covariance")),
+        f"covariance of the estimated position and velocity, {_FRAME}", "covariance"),
     "pointing": History(
         "time", ("observer", "angle"), "f8", "rad",
         "direction of the target's estimated position, observer's body frame; NaN for an observer "
-        "that is idle or slews", _in_record("pointing")),
+        "that is idle or slews", "pointing"),
     "associations": History(
         "epoch", ("target",), "i4", "1",
-        "detections that the track has taken in the interval", _associated),
+        "detections that the track has taken in the interval", "associated"),
     "wrong_associations": History(
         "epoch", ("target",), "i4", "1",
         "detections of another target, or false alarms, that the track has taken in the interval",
-        _associated),
+        "associated"),
     "association_origin": History(
         "epoch", ("target",), "i4", "1",
         "index of the target that most of the track's detections in the interval are of; -1 for "
-        "false alarms, -2 without a detection", _associated),
+        "false alarms, -2 without a detection", "associated"),
     "existence": History(
         "epoch", ("target",), "f4", "1",
-        "probability that the track is of an object, after the interval", _associated),
+        "probability that the track is of an object, after the interval", "associated"),
     "track_status": History(
         "epoch", ("target",), "u1", "1",
         "status of the track after the interval: 0 tentative, 1 confirmed, 2 lost, 3 deleted",
-        _associated),
+        "associated"),
     "gospa": History(
         "epoch", ("gospa_part",), "f8", "see gospa_part",
         "GOSPA metric (p = 2, alpha = 2) of the positions of tracks against those of targets, "
         "after the interval: distance (km), and its parts localization, missed and false (km^2)",
-        _associated),
+        "associated"),
     "observer_error": History(
         "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,
         "error of the observer after the interval, true minus assumed values",
-        _in_record("observers")),
+        "observers"),
     "estimated_observer_error": History(
         "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,
         "estimated error of the observer after the interval; NaN if errors are not treated",
-        _in_record("observers")),
+        "observers"),
     "observer_error_covariance": History(
         "epoch", (*_OBSERVER, "observer_parameter_2"), "f8", "products of those of "
         "observer_parameter", "covariance of the estimated error of the observer",
-        _in_record("observers")),
+        "observers"),
     "maneuver_alarm": History(
         "epoch", ("target",), "bool", "1",
         "1 where a maneuver was detected in the interval: maneuver_statistic exceeds its threshold",
-        _tested),
+        "tested"),
     "maneuver_statistic": History(
         "epoch", ("target",), "f8", "1",
         "largest statistic in the interval of the generalized likelihood ratio test for a "
-        "maneuver; 0 without an observation", _tested),
+        "maneuver; 0 without an observation", "tested"),
     "maneuver_estimated_time": History(
         "epoch", ("target",), "f8", "s",
         "hypothesized time of the maneuver of maneuver_statistic since the start of the run",
-        _tested),
+        "tested"),
     "maneuver_tested_time": History(
         "epoch", ("target",), "f8", "s",
-        "time of the observation of maneuver_statistic since the start of the run", _tested),
+        "time of the observation of maneuver_statistic since the start of the run", "tested"),
     "maneuver_estimate": History(
         "epoch", ("target", "axis"), "f8", "m s-1",
         "change of velocity by the maneuver of maneuver_statistic, axes of the propagation frame",
-        _tested),
+        "tested"),
     "maneuver_estimate_covariance": History(
         "epoch", ("target", "axis", "axis_2"), "f8", "m2 s-2",
-        "covariance of maneuver_estimate given its time", _tested),
+        "covariance of maneuver_estimate given its time", "tested"),
     "visible": History(
         "epoch", ("target",), "bool", "1",
         "1 where any observer could have detected the target in the interval, at its true "
-        "brightness and without noise", _in_record("visibility")),
+        "brightness and without noise", "visibility"),
 }  # fmt: skip
 """Histories by name."""
 
@@ -225,7 +206,8 @@ def kept_histories(settings: LoopSettings, outputs: Outputs) -> dict[str, Histor
     outputs : Outputs
         What the estimator returns besides the motion.
     """
-    found = {name: each for name, each in HISTORIES.items() if each.kept(settings, outputs)}
+    holds = {*settings.record, *(name for name, of in _KEPT.items() if of(settings, outputs))}
+    found = {name: each for name, each in HISTORIES.items() if each.kept in holds}
     if settings.slots is not None:
         found["assignment"] = found["assignment"]._replace(dims=("slot", "observer"))
     return found

@@ -12,8 +12,7 @@ from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _INITIAL_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)

@@ -12,8 +12,6 @@ Assumptions and limitations
 - Magnitude, occultation and the field of view are those of the time stamp.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -25,10 +23,10 @@ from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverE
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import wrapped
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of
 from cislunar.tasking.initial_conditions import OBSERVER, stream
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 

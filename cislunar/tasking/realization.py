@@ -4,8 +4,6 @@ Its state does not grow with the length of the run, except for the light curves 
 estimator; histories are returned in pieces.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -13,10 +11,7 @@ from numpy.typing import NDArray
 
 from cislunar.association.tracks import known_tracks
 from cislunar.estimation.eclipses import without_dimming
-from cislunar.estimation.estimator import (
-    Estimates,
-    Prediction,
-)
+from cislunar.estimation.estimator import Estimates, Prediction
 from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation
@@ -32,6 +27,7 @@ from cislunar.observation.measurement import (
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.sightline import dimming
+from cislunar.runtime import Array
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
@@ -52,8 +48,6 @@ from cislunar.tasking.recording import (
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth, estimation_errors
-
-Array = NDArray[np.float64]
 
 USED = DETECTED + 1
 """Outcome of an observation whose measurement was used, in addition to those of

@@ -10,12 +10,11 @@ from cislunar.estimation.estimator import Estimates
 from cislunar.estimation.navigation.errors import N_PARAMETERS, ObserverEstimate
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
+from cislunar.runtime import Array
 from cislunar.tasking.histories import HISTORIES, ObservationLog
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
-
-Array = NDArray[np.float64]
 
 
 class Piece(NamedTuple):

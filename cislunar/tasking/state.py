@@ -18,6 +18,7 @@ from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.histories import ManeuverLog
 from cislunar.tasking.initial_conditions import CHARACTERIZATION, stream
@@ -25,8 +26,6 @@ from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.truth import TrueMotion, TruthModel
-
-Array = NDArray[np.float64]
 
 
 class SimulationInputs(NamedTuple):

@@ -1,7 +1,5 @@
 """Visibility counts of static targets for every orbit and satellite count."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,14 +12,13 @@ from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, count_of, require_kind
 from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, setting
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
 from cislunar.visibility.shade import lost_observations, shade_of
 from cislunar.visibility.tracks import satellite_tracks
-
-Array = NDArray[np.float64]
 
 _ORBITS_PER_BATCH = 8
 

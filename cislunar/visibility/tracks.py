@@ -5,13 +5,12 @@ over the horizon (Paul & Fan, section 5.1). Positions come from dense output at 
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_periodic
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 def satellite_tracks(

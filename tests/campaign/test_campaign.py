@@ -12,8 +12,6 @@ import xarray as xr
 import yaml
 from campaign_folder import read_campaign, with_change
 
-from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
 from cislunar.campaign.architectures.table2 import near_optimal_rows
@@ -36,34 +34,37 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def random_runs(early_stop):
-    """Three random searches over small tables, and the cost."""
+    """Three random searches over small tables, and the data sets of these tables."""
     rng = np.random.default_rng(2)
-    tables = ArchitectureTables(
-        rng.integers(0, 30, (12, 3, 8)).astype(np.uint16),
-        rng.uniform(1.0, 3.0, (12, 1)) * np.arange(1, 4),
-        1.0 + rng.exponential(2.0, 12),
-        np.repeat(["Halo_L1_N", "Lyap_L2"], 6),
-        10,
-    )
-    cost = CostFunction(tables)
+    per_count = ("orbit", "satellites")
     visibility = xr.Dataset(
-        attrs={"diffuse_reflection_coefficient": 1.0, "visibility_magnitude": 18.0, "n_steps": 10}
+        {
+            "observations": ((*per_count, "target"), rng.integers(0, 30, (12, 3, 8)).astype("u2")),
+            "distance": (per_count, rng.uniform(1.0, 3.0, (12, 1)) * np.arange(1, 4)),
+        },
+        attrs={"diffuse_reflection_coefficient": 1.0, "visibility_magnitude": 18.0, "n_steps": 10},
+    )
+    orbits = xr.Dataset(
+        {
+            "stability_index": ("orbit", 1.0 + rng.exponential(2.0, 12)),
+            "family": ("orbit", np.repeat(["Halo_L1_N", "Lyap_L2"], 6)),
+        }
     )
     runs = [
         search_run_dataset(
-            cost, visibility, scenario="A", method="random", labels="family_position", run=run,
+            visibility, orbits, scenario="A", method="random", labels="family_position", run=run,
             seed=7, slots=4, max_evaluations=150, early_stop=early_stop, sampler="compiled",
         )
         for run in range(3)
     ]  # fmt: skip
-    return runs, cost
+    return runs, visibility, orbits
 
 
 def test_best_of_runs_under_the_early_stop(tmp_path):
     patience = 12
-    runs, cost = random_runs(patience)
+    runs, *tables = random_runs(patience)
     assert all(run.sizes["evaluation"] == 150 for run in runs)
-    best = best_run_dataset(runs, patience, cost)
+    best = best_run_dataset(runs, *tables, patience)
     for i, run in enumerate(runs):
         history = run["J_history"].values
         stop = next(k for k in range(patience, 150) if history[: k + 1].argmax() <= k - patience)
@@ -78,6 +79,7 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
     assert np.any(best["run_J"] < best["full_J"])
     assert float(best["J"]) == pytest.approx(float(best["run_J"].max()), rel=1e-13)
     assert best["J_history"].max() == best["run_J"].max()
+    cost = cost_function(*tables)
     assert cost.value(best["orbit"].values, best["satellites"].values) == float(best["J"])
     lambdas = [float(best[f"lambda_{k}"]) for k in range(1, 7)]
     assert abs(np.prod(lambdas)) == pytest.approx(float(best["J"]), rel=1e-13)
@@ -108,8 +110,7 @@ def test_where_nothing_is_seen_it_is_said(config, caplog):
     assert "no static target is ever seen from any orbit" in caplog.text
     assert "raise visibility.limiting_magnitude = -20 or" in caplog.text
     study = {"slots": 1, "restarts": 1, "certificate": {"within": 0.01, "nodes": 100}}
-    cost = cost_function(seen, orbits)
-    exact = exact_dataset(cost, seen, scenario="A", seed=1, **study)
+    exact = exact_dataset(seen, orbits, scenario="A", seed=1, **study)
     assert "J is 0 for every architecture" in caplog.text
     with warnings.catch_warnings(action="error"):
         assert near_optimal_rows("A", exact, orbits)["share_of_optimum"].isna().all()

@@ -267,12 +267,12 @@ def test_rank_correlations_and_their_intervals():
     error = {"quantity": "rmse_median_all", "part": "position", "unit": "km", "mean": -truth[:13]}
     share = {"quantity": "tracked_share", "part": np.nan, "unit": "1", "mean": truth[:13]}
     tracking = pd.concat([pd.DataFrame(cell | each) for each in (error, share)])
-    rows = rank_rows(pd.DataFrame(reached | values), tracking)
+    rows = rank_rows([pd.DataFrame(reached | values)], tracking)
     assert len(rows) == 10 and set(rows["architectures"]) == {12}
     expected = rows["objective"].map(lambda name: -1.0 if name == "attitude_nat" else 1.0)
     np.testing.assert_allclose(rows["correlation"], expected)
     few = tracking[tracking["architecture"].isin(names[:9])]
-    assert rank_rows(pd.DataFrame(reached | values), few).empty
+    assert rank_rows([pd.DataFrame(reached | values)], few).empty
 
 
 def test_cells_that_differ_in_their_architecture_are_counted(paper):

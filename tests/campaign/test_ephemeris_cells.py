@@ -149,7 +149,7 @@ def test_observers_are_on_refined_orbits(inputs, caplog):
     own = refined["node_orbit"].values == 2
     assert np.all(refined["position_miss"].values < 1.0)
     assert np.all(refined["velocity_miss"].values < 1.0)
-    assert refined_rows({"observers": refined})["refined"].tolist() == [3, 3]
+    assert refined_rows(observers=refined)["refined"].tolist() == [3, 3]
     scene = tracking_problem(CELL, inputs, settings, "dop853", loop).scene
     epoch = float(inputs.bodies["epoch_et"])
     path = RefinedPath(refined["node_time"].values[own], refined["node_state"].values[own], 0, 0)

@@ -19,7 +19,10 @@ KERNEL = "from numba import njit\n{}\n\n@njit(cache=True)\ndef kernel(x):\n    r
 SOURCES = {
     "first.py": KERNEL.format("from cislunar.room import (\n    constant,\n    other,\n)"),
     "second.py": KERNEL.format("from cislunar.room.other import value"),
-    "room/__init__.py": "",
+    "third.py": KERNEL.format("from cislunar.room import public"),
+    "room/__init__.py": 'attach(__name__, submod_attrs={"inner": ["more",\n    "public"]})',
+    "room/inner/__init__.py": 'attach(__name__, submod_attrs={"deep": ["public"]})',
+    "room/inner/deep.py": "public = 3\n",
     "room/constant.py": "value = 1\n",
     "room/other.py": "value = 2\n",
     "room/chosen.py": "@implements(function, Model)\ndef body(x):\n    return x\n",
@@ -31,13 +34,13 @@ SOURCES = {
 def library(tmp_path, monkeypatch):
     """A library of two kernels, both cached."""
     folder = tmp_path / "cislunar"
-    (folder / "room").mkdir(parents=True)
+    (folder / "room/inner").mkdir(parents=True)
     for name, text in SOURCES.items():
         (folder / name).write_text(text, encoding="utf-8")
     monkeypatch.setattr(kernels, "_PACKAGE", folder)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    assert kernels.drop_stale_kernels() == ["first.py", "second.py"]
-    for name in ("first", "second"):
+    assert kernels.drop_stale_kernels() == ["first.py", "second.py", "third.py"]
+    for name in ("first", "second", "third"):
         for ending in ("nbi", "1.nbc"):
             (folder / f"__pycache__/{name}.kernel-4.py311.{ending}").touch()
     return folder
@@ -50,16 +53,17 @@ def cached(folder):
 @pytest.mark.parametrize(
     "name, kept",
     [
-        ("first.py", ["second"]),
-        ("room/constant.py", ["second"]),
-        ("room/other.py", []),
+        ("first.py", ["second", "third"]),
+        ("room/constant.py", ["second", "third"]),
+        ("room/other.py", ["third"]),
+        ("room/inner/deep.py", ["first", "second"]),
         ("room/chosen.py", []),
-        ("tables.py", ["first", "second"]),
+        ("tables.py", ["first", "second", "third"]),
     ],
 )
 def test_kernels_of_changed_sources_are_dropped(library, name, kept):
     assert kernels.drop_stale_kernels() == []
-    assert cached(library) == ["first", "second"]
+    assert cached(library) == ["first", "second", "third"]
     path = library / name
     path.write_text(path.read_text(encoding="utf-8") + "more = 1\n", encoding="utf-8")
     kernels.drop_stale_kernels()
@@ -69,9 +73,9 @@ def test_kernels_of_changed_sources_are_dropped(library, name, kept):
 
 def test_a_cache_elsewhere_is_kept_apart(library, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
-    assert kernels.drop_stale_kernels() == ["first.py", "second.py"]
+    assert kernels.drop_stale_kernels() == ["first.py", "second.py", "third.py"]
     assert kernels.drop_stale_kernels() == []
-    assert cached(library) == ["first", "second"]
+    assert cached(library) == ["first", "second", "third"]
 
 
 def test_every_file_a_kernel_calls_into_counts():

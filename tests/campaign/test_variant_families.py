@@ -117,7 +117,7 @@ def test_a_smaller_campaign_names_the_variants_it_keeps(config):
     [
         (
             {"changes": {"a": {"seeds": 1}}, "other_scenarios": {"D": [20]}},
-            "'task2.variants.families.f.other_scenarios': scenario 'D' is not among",
+            "'task2.variants.families.f.other_scenarios' = 'D' is none of",
         ),
         (
             {"changes": {"a": {"seeds": 1}}, "other_scenarios": {"B": [20, 999]}},
@@ -136,7 +136,7 @@ def test_a_smaller_campaign_names_the_variants_it_keeps(config):
         ({"changes": {"a": {"seed": 1}}}, "families.f.changes.a.seed': did you mean 'seeds'?"),
         ({"changes": {"A": {"seeds": 1}}}, "families.f.changes': name 'A' is not allowed"),
         ({"key": "seeds", "values": {"A/b": 1}}, "families.f.values' = {'A/b': 1}: 'A/b' is no"),
-        ({"key": "seeds", "values": {"a": 1}, "scenario": "D"}, "families.f.scenario': scenario"),
+        ({"key": "seeds", "values": {"a": 1}, "scenario": "D"}, "families.f.scenario' = "),
         ({"key": "seeds", "values": {"a": 1}, "changes": {}}, "give either key and values"),
         ({"key": "seeds", "values": {"a": 1}, "targets": [203]}, "families.f.targets': 203"),
     ],

@@ -399,7 +399,7 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
     pd.DataFrame([design, front]).to_csv(tmp_path / "tables/objectives_A.csv")
     other = {"targets_by": "class", "targets_of": "DRO", "satellites": 20}
     other |= {"chosen_on": "others", "information_nat": 20.5}
-    pd.DataFrame([other]).to_csv(tmp_path / "tables/objectives_elsewhere_A.csv")
+    pd.DataFrame([other]).to_csv(tmp_path / "tables/objectives_generalization_A.csv")
     tables = {"objectives": objectives_block.study_table(tmp_path)}
     told = "| class DRO | 20 | \N{EN DASH} | \N{EN DASH} | 20.50 |"
     assert told in BLOCKS["objectives-generalization"](tables)

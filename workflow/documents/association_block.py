@@ -1,18 +1,15 @@
 """The tables of the association of detections, from the study ``config/association.yaml``."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from cislunar.campaign.tracking.association_table import PLACE, TASKED
 from cislunar.figures.labels import ASSOCIATORS, ESTIMATORS
 
-from .columns import Tables
+from .columns import Tables, stated
 from .markdown import DASH, markdown_table
-from .studies import read_study
 
 STUDY = "association"
 """Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
@@ -25,10 +22,10 @@ _QUANTITIES = {
     "GOSPA (km)": ("gospa", ".1f"),
     "GOSPA ratio": ("gospa_ratio", ".3f"),
     "ANEES": ("anees", ".2f"),
-    "ANEES, worst realization": ("anees", ".2f", "largest"),
+    "ANEES, worst realization": ("anees", ".2f", 1.0, "largest"),
     "Position error (km)": ("position_km", ".3g"),
 }
-"""Columns of the tables: quantity, format and the statistic if it is not the mean."""
+"""Columns of the tables: quantity, format, factor, and the statistic if it is not the mean."""
 
 _KEYS = ["associator", *PLACE]
 
@@ -50,11 +47,6 @@ _USUAL = {
 }
 
 
-def study_table(results: str | Path) -> pd.DataFrame:
-    """The table of a finished study, from its folder of results."""
-    return read_study(STUDY, results, STUDY)
-
-
 def _rows(
     tables: Tables, same: Mapping[str, Any], heads: Mapping[str, Callable[[dict], object]]
 ) -> list[list[object]]:
@@ -67,34 +59,28 @@ def _rows(
     for place, cell in table.groupby(_KEYS, sort=False):
         values = dict(zip(_KEYS, place, strict=True))
         rows = cell.set_index("quantity")
-        numbers = [_number(rows, *column) for column in _QUANTITIES.values()]
+        numbers = [stated(rows, *column) for column in _QUANTITIES.values()]
         found.append([*(head(values) for head in heads.values()), *numbers])
     return found
-
-
-def _number(rows: pd.DataFrame, name: str, form: str, of: str = "mean") -> str:
-    if name not in rows.index:
-        return DASH
-    if of != "mean":
-        return f"{rows.loc[name, of]:{form}}"
-    mean, low, high = rows.loc[name, ["mean", "low", "high"]]
-    if not np.isfinite(low):
-        return f"{mean:{form}}"
-    return f"{mean:{form}} [{low:{form}}, {high:{form}}]"
-
-
-def _associator(values: dict) -> str:
-    return ASSOCIATORS[values["associator"]]
 
 
 def _clutter(values: dict) -> str:
     return DASH if values["associator"] in (TASKED, "known-identity") else f"{values['clutter']:g}"
 
 
-def _table(
-    same: Mapping[str, Any], **heads: Callable[[dict], object]
-) -> Callable[[Tables], dict[str, str]]:
-    columns = {name.replace("_", " "): head for name, head in heads.items()}
+_HEADS: Mapping[str, Callable[[dict], object]] = {
+    "Targets": lambda values: values["targets"],
+    "Field of view in degrees": lambda values: f"{values['field_deg']:g}",
+    "Tasking": lambda values: _MODES[values["mode"]],
+    "Estimator": lambda values: ESTIMATORS[values["estimator"]],
+    "Dynamics": lambda values: _DYNAMICS[values["dynamics"]],
+    "False alarms per exposure": _clutter,
+    "Association": lambda values: ASSOCIATORS[values["associator"]],
+}
+
+
+def _table(same: Mapping[str, Any], *heads: str) -> Callable[[Tables], dict[str, str]]:
+    columns = {name: _HEADS[name] for name in (*heads, *list(_HEADS)[-2:])}
 
     def values(tables: Tables) -> dict[str, str]:
         header = [*columns, *_QUANTITIES]
@@ -103,40 +89,18 @@ def _table(
     return values
 
 
-def _without(place: Mapping[str, Any], *keys: str) -> dict[str, Any]:
-    return {key: value for key, value in place.items() if key not in keys}
+def _without(key: str) -> dict[str, Any]:
+    return {other: value for other, value in _USUAL.items() if other != key}
 
 
 ASSOCIATION_BLOCKS = {
-    STUDY: _table(_USUAL, False_alarms_per_exposure=_clutter, Association=_associator),
-    f"{STUDY}-numbers": _table(
-        _without(_USUAL, "targets"),
-        Targets=lambda values: values["targets"],
-        False_alarms_per_exposure=_clutter,
-        Association=_associator,
-    ),
-    f"{STUDY}-fields": _table(
-        _without(_USUAL, "field_deg"),
-        Field_of_view_in_degrees=lambda values: f"{values['field_deg']:g}",
-        False_alarms_per_exposure=_clutter,
-        Association=_associator,
-    ),
+    STUDY: _table(_USUAL),
+    f"{STUDY}-numbers": _table(_without("targets"), "Targets"),
+    f"{STUDY}-fields": _table(_without("field_deg"), "Field of view in degrees"),
     f"{STUDY}-cells": _table(
-        {"targets": 100, "field_deg": 3.0, "population": "A"},
-        Tasking=lambda values: _MODES[values["mode"]],
-        Estimator=lambda values: ESTIMATORS[values["estimator"]],
-        Dynamics=lambda values: _DYNAMICS[values["dynamics"]],
-        False_alarms_per_exposure=_clutter,
-        Association=_associator,
+        {"targets": 100, "field_deg": 3.0, "population": "A"}, "Tasking", "Estimator", "Dynamics"
     ),
-    f"{STUDY}-counted": _table(
-        {"targets": 202, "population": "A"},
-        Tasking=lambda values: _MODES[values["mode"]],
-        False_alarms_per_exposure=_clutter,
-        Association=_associator,
-    ),
-    f"{STUDY}-pairs": _table(
-        {"population": "B"}, False_alarms_per_exposure=_clutter, Association=_associator
-    ),
+    f"{STUDY}-counted": _table({"targets": 202, "population": "A"}, "Tasking"),
+    f"{STUDY}-pairs": _table({"population": "B"}),
 }
 """What makes each block of the study, by name."""

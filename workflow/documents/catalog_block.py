@@ -2,14 +2,9 @@
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
-from .columns import Tables
-from .markdown import DASH, markdown_table
-from .studies import read_study
+from .columns import Tables, stated
+from .markdown import markdown_table
 
 STUDIES = ("catalog", "survey")
 """Studies: ``config/NAME.yaml``; their tables in ``docs/tables``, figures in ``docs/images``."""
@@ -18,30 +13,25 @@ TABLE = "catalog"
 """Name of table and figure in the results of each."""
 
 _QUANTITIES = {
-    "Findable": ("findable", "{:.0f}", 1.0),
-    "Linked of findable (%)": ("linked_share", "{:.1f}", 100.0),
-    "Right of findable (%)": ("completeness", "{:.1f}", 100.0),
-    "inside of the families (%)": ("completeness_inside", "{:.1f}", 100.0),
-    "outside (%)": ("completeness_outside", "{:.1f}", 100.0),
-    "Right orbits": ("right", "{:.0f}", 1.0),
-    "Right orbits, difference to the first survey": ("right_difference", "{:+.0f}", 1.0),
-    "Duplicates": ("duplicate", "{:.1f}", 1.0),
-    "Wrong of confirmed (%)": ("wrong_share", "{:.2f}", 100.0),
-    "Purity (%)": ("purity", "{:.2f}", 100.0),
-    "Maneuvering (%)": ("completeness_maneuvering", "{:.1f}", 100.0),
-    "In custody (%)": ("custody", "{:.1f}", 100.0),
-    "NEES": ("nees", "{:.2f}", 1.0),
-    "NEES, no maneuver so far": ("nees_ballistic", "{:.2f}", 1.0),
-    "NEES now, no maneuver so far": ("nees_now_ballistic", "{:.2f}", 1.0),
-    "Error of known objects, increase by the search (%)": ("search_cost", "{:+.1f}", 100.0),
-    "Hours to catalog": ("hours_to_catalog", "{:.1f}", 1.0),
+    "Findable": ("findable", ".0f", 1.0),
+    "Linked of findable (%)": ("linked_share", ".1f", 100.0),
+    "Right of findable (%)": ("completeness", ".1f", 100.0),
+    "inside of the families (%)": ("completeness_inside", ".1f", 100.0),
+    "outside (%)": ("completeness_outside", ".1f", 100.0),
+    "Right orbits": ("right", ".0f", 1.0),
+    "Right orbits, difference to the first survey": ("right_difference", "+.0f", 1.0),
+    "Duplicates": ("duplicate", ".1f", 1.0),
+    "Wrong of confirmed (%)": ("wrong_share", ".2f", 100.0),
+    "Purity (%)": ("purity", ".2f", 100.0),
+    "Maneuvering (%)": ("completeness_maneuvering", ".1f", 100.0),
+    "In custody (%)": ("custody", ".1f", 100.0),
+    "NEES": ("nees", ".2f", 1.0),
+    "NEES, no maneuver so far": ("nees_ballistic", ".2f", 1.0),
+    "NEES now, no maneuver so far": ("nees_now_ballistic", ".2f", 1.0),
+    "Error of known objects, increase by the search (%)": ("search_cost", "+.1f", 100.0),
+    "Hours to catalog": ("hours_to_catalog", ".1f", 1.0),
 }
 """Columns: quantity, format and factor."""
-
-
-def study_table(study: str, results: str | Path) -> pd.DataFrame:
-    """The table of a finished study, from its folder of results."""
-    return read_study(study, results, TABLE)
 
 
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
@@ -52,20 +42,10 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
         found = own.set_index("quantity")
         rows.append([
             name.replace("-", " "), f"{day:g}", int(own["seeds"].max()),
-            *(_number(found, *column) for column in columns.values()),
+            *(stated(found, *column, least=-np.inf if "+" in column[1] else 0.0)
+              for column in columns.values()),
         ])  # fmt: skip
     return {"table": markdown_table(["Survey", "Days", "Realizations", *columns], rows)}
-
-
-def _number(found: pd.DataFrame, quantity: str, form: str, factor: float) -> str:
-    """A mean with its interval."""
-    if quantity not in found.index:
-        return DASH
-    mean, low, high = factor * found.loc[quantity, ["mean", "low", "high"]].to_numpy(dtype=float)
-    if not np.isfinite(low):
-        return form.format(mean)
-    least = -np.inf if "+" in form else 0.0
-    return f"{form.format(mean)} [{form.format(max(low, least))}, {form.format(high)}]"
 
 
 CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {

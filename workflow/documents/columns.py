@@ -1,5 +1,6 @@
 """Columns of numbers: which quantity of a cell of the campaign a table shows, and how."""
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,6 +80,26 @@ def by_cell(table: pd.DataFrame, keys: list[str]) -> dict[tuple, Cell]:
         cell = found.setdefault(tuple(row[key] for key in keys), {})
         cell[row["quantity"], row["part"], str(row.get("unit", "1"))] = row
     return found
+
+
+def stated(
+    rows: pd.DataFrame,
+    quantity: str,
+    form: str,
+    factor: float = 1.0,
+    of: str = "mean",
+    least: float = -math.inf,
+) -> str:
+    """A number of a cell whose rows have their quantity as index, with its interval, if it has one,
+    from `least` on; of a statistic other than the mean or the value the number alone."""
+    if quantity not in rows.index:
+        return DASH
+    value, low, high = factor * rows.loc[quantity, [of, "low", "high"]].to_numpy(dtype=float)
+    if not math.isfinite(value):
+        return DASH
+    if of not in ("mean", "value") or not math.isfinite(low):
+        return f"{value:{form}}"
+    return f"{value:{form}} [{max(low, least):{form}}, {high:{form}}]"
 
 
 def shown(cell: Cell, column: Column, of: str | None = None) -> str:

@@ -1,16 +1,14 @@
 """The tables of targets that maneuver, from the study ``config/maneuvers.yaml``."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-import numpy as np
 import pandas as pd
 
 from cislunar.campaign.tracking.maneuvers.table import PLACE
 from cislunar.figures.labels import ESTIMATORS
 
-from .columns import Tables
-from .markdown import DASH, markdown_table
-from .studies import read_study
+from .columns import Tables, stated
+from .markdown import markdown_table
 
 STUDY = "maneuvers"
 """Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
@@ -24,38 +22,28 @@ _RESPONSES = {
 }
 
 _OF_SIZES = {
-    "Detected within 24 h (%)": ("detected", 100.0, ".0f"),
-    "Median time to alarm (h)": ("latency_h", 1.0, ".1f"),
-    "In custody after 6 h, observed by then (%)": ("custody_6_h_observed", 100.0, ".0f"),
-    "In custody after 24 h (%)": ("custody_24_h", 100.0, ".0f"),
-    "Error after 24 h (km)": ("error_24_h_km", 1.0, ".3g"),
-    "ANEES after 24 h": ("anees_24_h", 1.0, ".2g"),
-    "Error of the time (h)": ("time_error_h", 1.0, ".2g"),
-    "Error of the vector (m/s)": ("velocity_error_m_s", 1.0, ".2g"),
-    "Vector within 3 sigma (%)": ("velocity_coverage", 100.0, ".0f"),
+    "Detected within 24 h (%)": ("detected", ".0f", 100.0),
+    "Median time to alarm (h)": ("latency_h", ".1f", 1.0),
+    "In custody after 6 h, observed by then (%)": ("custody_6_h_observed", ".0f", 100.0),
+    "In custody after 24 h (%)": ("custody_24_h", ".0f", 100.0),
+    "Error after 24 h (km)": ("error_24_h_km", ".3g", 1.0),
+    "ANEES after 24 h": ("anees_24_h", ".2g", 1.0),
+    "Error of the time (h)": ("time_error_h", ".2g", 1.0),
+    "Error of the vector (m/s)": ("velocity_error_m_s", ".2g", 1.0),
+    "Vector within 3 sigma (%)": ("velocity_coverage", ".0f", 100.0),
 }
 _OF_CELLS = {
-    "Detected with a probability of 90 % (m/s)": ("detectable_m_s", 1.0, ".2f"),
-    "False alarms per target-day": ("false_alarms_per_day", 1.0, ".4f"),
-    "In custody at the end (%)": ("custody_end", 100.0, ".1f"),
-    "ANEES at the end": ("anees_end", 1.0, ".2f"),
-    "Error of coasting targets (km)": ("coasting_error_km", 1.0, ".3g"),
+    "Detected with a probability of 90 % (m/s)": ("detectable_m_s", ".2f", 1.0),
+    "False alarms per target-day": ("false_alarms_per_day", ".4f", 1.0),
+    "In custody at the end (%)": ("custody_end", ".1f", 100.0),
+    "ANEES at the end": ("anees_end", ".2f", 1.0),
+    "Error of coasting targets (km)": ("coasting_error_km", ".3g", 1.0),
 }
 
 
-def study_table(results: str) -> pd.DataFrame:
-    """The table of a finished study, from its folder of results."""
-    return read_study(STUDY, results, STUDY)
-
-
-def _number(rows: pd.DataFrame, name: str, factor: float, form: str) -> str:
-    """A value with its interval, if it has one."""
-    if name not in rows.index:
-        return DASH
-    value, low, high = factor * rows.loc[name, ["value", "low", "high"]].astype(float)
-    if not np.isfinite(value):
-        return DASH
-    return f"{value:{form}}" + (f" [{low:{form}}, {high:{form}}]" if np.isfinite(low) else "")
+def _numbers(cell: pd.DataFrame, columns: Mapping[str, tuple]) -> list[str]:
+    """Values of a cell with their intervals."""
+    return [stated(cell.set_index("quantity"), *each, "value") for each in columns.values()]
 
 
 def _heads(place: tuple) -> list[object]:
@@ -83,7 +71,7 @@ def _cells(tables: Tables) -> dict[str, str]:
     table = tables[STUDY]
     table = table[table["smallest_m_s"].isna()]
     rows = [
-        [*_heads(place), *(_number(cell.set_index("quantity"), *c) for c in _OF_CELLS.values())]
+        [*_heads(place), *_numbers(cell, _OF_CELLS)]
         for place, cell in table.groupby(list(PLACE), sort=False)
     ]
     return {"table": markdown_table([*_HEADS, *_OF_CELLS], rows)}
@@ -104,10 +92,9 @@ def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]
         for (low, high, response), own in table.groupby(
             ["smallest_m_s", "largest_m_s", "response"], sort=True
         ):
-            cell = own.set_index("quantity")
-            number = int(cell.loc["detected", "number"])
-            numbers = [_number(cell, *column) for column in _OF_SIZES.values()]
-            rows.append([f"{low:g} to {high:g}", _RESPONSES[response], number, *numbers])
+            number = int(own.set_index("quantity").loc["detected", "number"])
+            head = [f"{low:g} to {high:g}", _RESPONSES[response], number]
+            rows.append([*head, *_numbers(own, _OF_SIZES)])
         header = ["Change of velocity (m/s)", "Response to alarms", "Maneuvers", *_OF_SIZES]
         return {"table": markdown_table(header, rows)}
 

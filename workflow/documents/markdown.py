@@ -86,8 +86,7 @@ def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str | None]], docum
         if body is None:
             return block[0]
         return generated_block(
-            block[1],
-            _FROM_ROOT.sub(lambda link: f"]({posixpath.relpath(link[1], folder)})", body),
+            block[1], _FROM_ROOT.sub(lambda link: f"]({posixpath.relpath(link[1], folder)})", body)
         )
 
     return _BLOCK.sub(filled, text)

@@ -48,7 +48,7 @@ _COLUMNS.append("days")  # number of days of an interval, otherwise empty
 
 def study_table(results: str | Path) -> pd.DataFrame:
     """The quantities shown of a finished study, from its folder of results."""
-    names = ("objective_ranks", "objectives_A", "objectives_elsewhere_A")
+    names = ("objective_ranks", "objectives_A", "objectives_generalization_A")
     ranks, designs, others = (read_study(STUDY, results, name) for name in names)
     rows = [
         *_tracking_rows(read_dataset(Path(results) / "task2/summary.nc")),

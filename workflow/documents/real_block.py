@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cislunar.campaign.tracking.comparisons import non_inferiority
-from cislunar.evaluation.intervals import Interval, contrast_interval
-from cislunar.evaluation.metrics import NOMINAL_COVERAGE
+from cislunar.evaluation import NOMINAL_COVERAGE, Interval, contrast_interval
 from cislunar.figures.labels import BODY_TRUTHS, OBSERVER_ERRORS, PIPELINES
 
 from .columns import COLUMNS, Cell, Column, Tables, by_cell, numbers, only_shown, shown

@@ -13,9 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text, stated_keys
-from cislunar.campaign.settings.tree import Campaign
+from cislunar.campaign.settings import SCHEMA_FILE, Campaign, CellSettings, schema_text, stated_keys
 from cislunar.runtime.settings_words import allowed, schema_of
 
 from .markdown import DASH, fill_blocks, markdown_table

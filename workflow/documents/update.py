@@ -33,7 +33,7 @@ from .markdown import fill_blocks, generated_blocks
 from .results_page import STRIP, shown_quantities, verdicts_svg
 from .run_times import run_times
 from .settings_tables import SETTINGS_BLOCKS
-from .studies import STUDIES, TASKING, study_table
+from .studies import STUDIES, TASKING, read_study, study_table
 
 RESULTS_PAGE = "results.md"
 TABLES = (
@@ -50,11 +50,15 @@ TABLES = (
 """Tables of ``docs/tables``; the last is made of the benchmarks, the others by the campaign."""
 
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
+_STUDIES |= {each.STUDY: each.study_table for each in (real_block, objectives_block)}
 _STUDIES |= {
-    each.STUDY: each.study_table
-    for each in (real_block, objectives_block, association_block, maneuver_block)
+    name: partial(read_study, name, table=table)
+    for name, table in (
+        (association_block.STUDY, association_block.STUDY),
+        (maneuver_block.STUDY, maneuver_block.STUDY),
+        *((name, catalog_block.TABLE) for name in catalog_block.STUDIES),
+    )
 }
-_STUDIES |= {name: partial(catalog_block.study_table, name) for name in catalog_block.STUDIES}
 """What makes the table of each study from its folder of results."""
 
 _FIGURES = {

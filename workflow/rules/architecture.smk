@@ -11,6 +11,9 @@ rule search_run:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.architectures.search_run_dataset",
+        kernels="cislunar.campaign.kernels:KERNEL_SETS:search",
+        run=lambda wildcards: int(wildcards.run),
         slots=ARCHITECTURE["slots"],
         max_evaluations=ARCHITECTURE["max_evaluations"],
         early_stop=ARCHITECTURE["early_stop"],
@@ -19,7 +22,7 @@ rule search_run:
     message:
         "Searching with {wildcards.method}, run {wildcards.run} (scenario {wildcards.scenario})"
     script:
-        "../scripts/search_run.py"
+        "../scripts/result.py"
 
 
 rule best_run:
@@ -38,11 +41,12 @@ rule best_run:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.architectures.best_run_dataset",
         early_stop=ARCHITECTURE["early_stop"],
     message:
         "Selecting the best of the {wildcards.method} runs (scenario {wildcards.scenario})"
     script:
-        "../scripts/best_run.py"
+        "../scripts/result.py"
 
 
 rule exact:
@@ -58,6 +62,7 @@ rule exact:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
+        function="campaign.architectures.exact_dataset",
         slots=ARCHITECTURE["slots"],
         restarts=ARCHITECTURE["restarts"],
         certificate=ARCHITECTURE["certificate"],
@@ -65,7 +70,7 @@ rule exact:
     message:
         "Bounding J over all architectures (scenario {wildcards.scenario})"
     script:
-        "../scripts/exact.py"
+        "../scripts/result.py"
 
 
 rule published:
@@ -80,12 +85,13 @@ rule published:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.architectures.published_dataset",
         restarts=ARCHITECTURE["restarts"],
         seed=config["seed"],
     message:
         "Selecting members of the published families (scenario {wildcards.scenario})"
     script:
-        "../scripts/published.py"
+        "../scripts/result.py"
 
 
 rule own_architecture:
@@ -99,10 +105,13 @@ rule own_architecture:
         times=benchmark_of("own_architecture/{scenario}_{observers}"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.architectures.own_dataset",
+        name=lambda wildcards: wildcards.observers,
     message:
         "Evaluating the observers {wildcards.observers} (scenario {wildcards.scenario})"
     script:
-        "../scripts/own_architecture.py"
+        "../scripts/result.py"
 
 
 rule front:
@@ -120,6 +129,8 @@ rule front:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.architectures.front_dataset",
+        progress="numbers of satellites",
         slots=ARCHITECTURE["slots"],
         front=ARCHITECTURE["front"],
         settings=settings_of("epoch_jd", "propagator", "visibility"),
@@ -127,16 +138,16 @@ rule front:
     message:
         "Searching the best J for each number of satellites (scenario {wildcards.scenario})"
     script:
-        "../scripts/front.py"
+        "../scripts/result.py"
 
 
 rule design:
     input:
+        lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
     output:
         results("architecture/{scenario}/{design}.nc"),
     log:
@@ -148,22 +159,26 @@ rule design:
     resources:
         mem_mb=2000,
     params:
+        function="campaign.architectures.design_dataset",
+        inputs="campaign.architectures.ArchitectureInputs",
+        name=lambda wildcards: wildcards.design,
+        progress="orbits",
         design=lambda wildcards: DESIGNS[wildcards.design],
         settings=lambda wildcards: objective_settings(wildcards, DESIGNS[wildcards.design]),
         seed=config["seed"],
     message:
         "Searching for the design {wildcards.design} (scenario {wildcards.scenario})"
     script:
-        "../scripts/design.py"
+        "../scripts/result.py"
 
 
 rule objective_front:
     input:
+        lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
     output:
         results("architecture/{scenario}/fronts/{front}.nc"),
     log:
@@ -176,10 +191,14 @@ rule objective_front:
     resources:
         mem_mb=2000,
     params:
+        function="campaign.architectures.objective_front_dataset",
+        inputs="campaign.architectures.ArchitectureInputs",
+        name=lambda wildcards: wildcards.front,
+        progress="orbits",
         front=lambda wildcards: FRONTS[wildcards.front],
         settings=lambda wildcards: objective_settings(wildcards, FRONTS[wildcards.front]),
         seed=config["seed"],
     message:
         "Searching the front {wildcards.front} by number of satellites (scenario {wildcards.scenario})"
     script:
-        "../scripts/objective_front.py"
+        "../scripts/result.py"

@@ -7,11 +7,12 @@ rule ephemeris:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.sun_dataset",
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
         "Sampling the Sun and the rotating frame from the ephemeris"
     script:
-        "../scripts/ephemeris.py"
+        "../scripts/result.py"
 
 
 use rule ephemeris as ephemeris_of_scenario with:
@@ -35,11 +36,12 @@ rule bodies:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.bodies_dataset",
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
         "Sampling Earth, Moon and Sun from the ephemeris"
     script:
-        "../scripts/bodies.py"
+        "../scripts/result.py"
 
 
 use rule bodies as bodies_of_scenario with:

@@ -15,11 +15,11 @@ rule facet_geometry_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        figure="space.facet_geometry_figure",
+        function="figures.space.facet_geometry_figure",
     message:
         "Drawing the reflection geometry of a facet"
     script:
-        "../scripts/figure.py"
+        "../scripts/result.py"
 
 
 use rule facet_geometry_figure as orbit_library_figure with:
@@ -32,7 +32,7 @@ use rule facet_geometry_figure as orbit_library_figure with:
         log_of("figures/orbit_library"),
         times=benchmark_of("orbit_library_figure"),
     params:
-        figure="space.orbit_library_figure",
+        function="figures.space.orbit_library_figure",
     message:
         "Drawing the orbit library with its targets"
 
@@ -154,7 +154,7 @@ use rule facet_geometry_figure as family_map_figure with:
         log_of("figures/family_map"),
         times=benchmark_of("family_map_figure"),
     params:
-        figure="space.family_map_figure",
+        function="figures.space.family_map_figure",
     message:
         "Drawing the map of the family members"
 

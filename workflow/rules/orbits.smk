@@ -7,16 +7,18 @@ rule families:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.families_dataset",
+        progress="families",
         settings=settings("orbits"),
     message:
         "Generating the candidate observer orbits"
     script:
-        "../scripts/families.py"
+        "../scripts/result.py"
 
 
 rule own_observers:
     input:
-        lambda wildcards: OBSERVERS[wildcards.observers],
+        path=lambda wildcards: OBSERVERS[wildcards.observers],
     output:
         results("orbits/observers_{observers}.nc"),
     log:
@@ -25,11 +27,13 @@ rule own_observers:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.own_observers_dataset",
+        progress="observers",
         days=longest_horizon(STUDY),
     message:
         "Reading the observers in {input}"
     script:
-        "../scripts/own_observers.py"
+        "../scripts/result.py"
 
 
 rule tracked_targets:
@@ -40,15 +44,18 @@ rule tracked_targets:
         times=benchmark_of("tracked_targets"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.tracking.tracked_dataset",
+        progress="targets",
     message:
         "Generating the orbits of the moving targets"
     script:
-        "../scripts/tracked_targets.py"
+        "../scripts/result.py"
 
 
 rule own_tracked_targets:
     input:
-        lambda wildcards: STUDY["scenarios"][wildcards.scenario]["tracked"],
+        path=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["tracked"],
     output:
         results("orbits/tracked_{scenario}.nc"),
     log:
@@ -59,13 +66,14 @@ rule own_tracked_targets:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.own_tracked_dataset",
         epoch=lambda wildcards, input: tracked_epoch(
             scenario_settings(STUDY, wildcards.scenario), input[0]
         ),
     message:
         "Reading the moving targets in {input}"
     script:
-        "../scripts/own_tracked_targets.py"
+        "../scripts/result.py"
 
 
 rule refined_orbits:
@@ -82,6 +90,8 @@ rule refined_orbits:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.refined_dataset",
+        progress="orbits",
         settings={
             "dynamics": TASK2["dynamics"],
             "epoch_jd": config["epoch_jd"],
@@ -90,12 +100,13 @@ rule refined_orbits:
     message:
         "Refining the orbits of {wildcards.orbits} with Earth, Moon and Sun from the ephemeris"
     script:
-        "../scripts/refined_orbits.py"
+        "../scripts/result.py"
 
 
 rule refined_orbits_table:
     input:
-        expand(rules.refined_orbits.output, orbits=["families", "tracked"]),
+        observers=results("orbits/refined_families.nc"),
+        targets=results("orbits/refined_tracked.nc"),
     output:
         table_file("refined_orbits"),
     log:
@@ -103,8 +114,8 @@ rule refined_orbits_table:
     conda:
         "../envs/cislunar.yaml"
     params:
-        uses=["observers", "targets"],
+        function="campaign.data.refined_rows",
     message:
         "Writing the table of ephemeris-refined orbits"
     script:
-        "../scripts/refined_orbits_table.py"
+        "../scripts/result.py"

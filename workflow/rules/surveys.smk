@@ -52,11 +52,7 @@ rule catalog_table:
             for number in range(survey["realizations"])
         ],
     output:
-        report(
-            results("tables/catalog.csv"),
-            caption="../report/catalog.rst",
-            category="Tables",
-        ),
+        table_file("catalog"),
     log:
         log_of("tables/catalog"),
         times=benchmark_of("catalog_table"),
@@ -75,21 +71,18 @@ rule catalog_figure:
     input:
         rules.catalog_table.output[0],
     output:
-        png=report(
-            results("figures/catalog.png"),
-            caption="../report/figure_catalog.rst",
-            category="Figures",
-        ),
-        pdf=results("figures/catalog.pdf"),
+        **figure_files("catalog", "catalog"),
     log:
         log_of("figures/catalog"),
         times=benchmark_of("catalog_figure"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="figures.survey.catalog_figure",
     message:
         "Drawing the completeness of catalogs"
     script:
-        "../scripts/figure_catalog.py"
+        "../scripts/result.py"
 
 
 rule catalog:

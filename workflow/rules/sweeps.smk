@@ -53,11 +53,11 @@ rule sweep_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        figure="search.sweep_figure",
+        function="figures.search.sweep_figure",
     message:
         "Drawing the sweep {wildcards.sweep}"
     script:
-        "../scripts/figure.py"
+        "../scripts/result.py"
 
 
 # Association against known identities, over all sweeps of a study.
@@ -89,7 +89,7 @@ use rule sweep_figure as association_figure with:
         log_of("figures/association"),
         times=benchmark_of("association_figure"),
     params:
-        figure="tracking.association_figure",
+        function="figures.tracking.association_figure",
     message:
         "Drawing association against the number of false alarms"
 
@@ -129,7 +129,7 @@ use rule sweep_figure as maneuver_figure with:
         log_of("figures/maneuvers"),
         times=benchmark_of("maneuver_figure"),
     params:
-        figure="maneuvers.maneuver_figure",
+        function="figures.maneuvers.maneuver_figure",
     message:
         "Drawing detection and custody of targets that maneuver"
 

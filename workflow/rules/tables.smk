@@ -91,15 +91,15 @@ rule objectives_table:
 
 rule generalization_table:
     input:
+        objective_mesh,
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=objective_mesh,
     output:
-        table_file("objectives_elsewhere_{scenario}", "objectives_generalization"),
+        table_file("objectives_generalization_{scenario}", "objectives_generalization"),
     log:
-        log_of("tables/objectives_elsewhere_{scenario}"),
+        log_of("tables/objectives_generalization_{scenario}"),
         times=benchmark_of("generalization_table/{scenario}"),
     conda:
         "../envs/cislunar.yaml"
@@ -107,6 +107,9 @@ rule generalization_table:
     resources:
         mem_mb=2000,
     params:
+        function="campaign.architectures.generalization_rows",
+        inputs="campaign.architectures.ArchitectureInputs",
+        progress="sets and classes of targets",
         settings=lambda wildcards: {
             **objective_settings(wildcards),
             "generalization": ARCHITECTURE["generalization"],
@@ -115,7 +118,7 @@ rule generalization_table:
     message:
         "Evaluating the generalization of architectures to other targets (scenario {wildcards.scenario})"
     script:
-        "../scripts/generalization_table.py"
+        "../scripts/result.py"
 
 
 rule label_comparison:
@@ -140,7 +143,7 @@ rule label_comparison:
 
 rule readings:
     input:
-        missions=lambda wildcards: settings_in(READ, "targets")["targets"]["missions"],
+        lambda wildcards: settings_in(READ, "targets")["targets"]["missions"],
         orbits=rules.families.output[0],
         sun=lambda wildcards: shared("ephemeris/sun", READ),
     output:
@@ -152,6 +155,8 @@ rule readings:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
+        function="campaign.readings.readings_table",
+        progress="readings",
         scenario=READ,
         config=lambda wildcards: readings_settings(
             "seed",
@@ -166,7 +171,7 @@ rule readings:
     message:
         "Repeating scenario {params.scenario} with each reading of the paper"
     script:
-        "../scripts/readings.py"
+        "../scripts/result.py"
 
 
 rule architecture_claims:

@@ -1,6 +1,11 @@
+def sampling_of(wildcards):
+    """Settings of the sampled static targets of the scenario of a job."""
+    return settings_in(wildcards.scenario, "targets")["targets"]
+
+
 rule zvs_points:
     input:
-        config["targets"]["missions"],
+        missions_path=config["targets"]["missions"],
     output:
         results("targets/zvs_points.nc"),
     log:
@@ -10,16 +15,17 @@ rule zvs_points:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.zvs_points_dataset",
         settings=settings("targets"),
     message:
         "Sampling the zero-velocity surfaces of the missions in {input}"
     script:
-        "../scripts/zvs_points.py"
+        "../scripts/result.py"
 
 
 use rule zvs_points as zvs_points_of_scenario with:
     input:
-        lambda wildcards: settings_in(wildcards.scenario, "targets")["targets"]["missions"],
+        missions_path=lambda wildcards: sampling_of(wildcards)["missions"],
     output:
         results("targets/zvs_points_{scenario}.nc"),
     log:
@@ -31,7 +37,7 @@ use rule zvs_points as zvs_points_of_scenario with:
 
 rule static_targets:
     input:
-        shared("targets/zvs_points"),
+        points=shared("targets/zvs_points"),
     output:
         results("targets/static_{scenario}.nc"),
     log:
@@ -43,18 +49,19 @@ rule static_targets:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.static_targets_dataset",
         targets=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["targets"],
-        seeding=lambda wildcards: settings_in(wildcards.scenario, "targets")["targets"]["seeding"],
+        seeding=lambda wildcards: sampling_of(wildcards)["seeding"],
         seed=config["seed"],
     message:
         "Clustering the sampled points into {params.targets} targets (scenario {wildcards.scenario})"
     script:
-        "../scripts/static_targets.py"
+        "../scripts/result.py"
 
 
 rule own_static_targets:
     input:
-        lambda wildcards: STUDY["scenarios"][wildcards.scenario]["static_targets"],
+        path=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["static_targets"],
     output:
         results("targets/static_{scenario}.nc"),
     log:
@@ -64,7 +71,9 @@ rule own_static_targets:
         scenario=any_of(OWN_STATIC),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.data.own_static_dataset",
     message:
         "Reading the static targets in {input} (scenario {wildcards.scenario})"
     script:
-        "../scripts/own_static_targets.py"
+        "../scripts/result.py"

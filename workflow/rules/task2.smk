@@ -118,11 +118,8 @@ use rule tracking_cell_variant as replay_cell with:
         times=benchmark_of(f"replay_cell/{CELL}{{changed}}"),
     priority: 1
     params:
-        cell=lambda wildcards: list(cell_of(wildcards)),
         path=lambda wildcards, output: output[0],
         settings=lambda wildcards: replay_settings(tracking_settings(wildcards)),
-        propagator=config["propagator"],
-        seed=config["seed"],
     message:
         "Recording a realization for the replay: {wildcards.n} targets, tasking every "
         "{wildcards.minutes} min{wildcards.changed} ({wildcards.architecture}, scenario "
@@ -148,12 +145,14 @@ rule flown_orbits:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.flown_dataset",
+        progress="satellites",
         settings=flown_settings,
     message:
         "Refining the orbits of the satellites ({wildcards.architecture}, scenario "
         "{wildcards.scenario})"
     script:
-        "../scripts/flown_orbits.py"
+        "../scripts/result.py"
 
 
 rule tracking_summary:
@@ -211,11 +210,12 @@ rule pooled_table:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.pooled_rows",
         pooled=list(config["task2"]["variants"]["pooled"]),
     message:
         "Pooling the realizations of all days and sets of targets"
     script:
-        "../scripts/pooled_table.py"
+        "../scripts/result.py"
 
 
 rule objective_ranks:
@@ -228,10 +228,12 @@ rule objective_ranks:
         log_of("tables/objective_ranks"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.tracking.rank_rows",
     message:
         "Ranking objectives by the tracking of their architectures"
     script:
-        "../scripts/objective_ranks.py"
+        "../scripts/result.py"
 
 
 rule model_error_table:
@@ -284,7 +286,7 @@ rule tasking_comparison_cell:
 
 rule tasking_comparison:
     input:
-        expand(
+        compared=expand(
             results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
             scenario=COMPARED["scenario"],
             architecture=COMPARED["architecture"],
@@ -296,10 +298,12 @@ rule tasking_comparison:
         log_of("task2/tasking_comparison"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="campaign.tracking.concatenate_comparisons",
     message:
         "Gathering the comparison of tasking methods"
     script:
-        "../scripts/tasking_comparison.py"
+        "../scripts/result.py"
 
 
 rule tracking_claims:
@@ -342,13 +346,14 @@ rule photometry_table:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.readings.photometry_table",
         material=TASK2["material"],
         limiting_magnitude=TASK2["sensor"]["limiting_magnitude"],
         seed=config["seed"],
     message:
         "Computing the effects of the readings of the photometric equations"
     script:
-        "../scripts/photometry_table.py"
+        "../scripts/result.py"
 
 
 rule results_page:

@@ -26,6 +26,8 @@ HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 # Cells may omit the errors over time; figures of single targets are then omitted.
 ERRORS_KEPT = "errors" in TASK2["histories"]
+# Variables of cells that figures of parameters and bodies do not need.
+HISTORIES = ["error", "sigma", "bound", "valid", "outcome"]
 # Cells with the shortest and the longest interval, for the errors of one of many targets.
 HIGH_LOAD_ENDS = {of: [cells[0], cells[-1]] if cells else [] for of, cells in HIGH_LOAD.items()}
 
@@ -81,7 +83,6 @@ use rule selected_targets_figure as components_figure with:
         log_of("figures/components{of}"),
         times=benchmark_of("components_figure/figure{of}"),
     params:
-        cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
         errors="components",
     message:
         "Drawing the errors of a few targets by component"
@@ -148,12 +149,11 @@ rule against_targets_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        figure="tracking.against_targets_figure",
-        arguments=["architecture"],
+        function="figures.tracking.against_targets_figure",
     message:
         "Drawing tracking against the number of targets"
     script:
-        "../scripts/figure.py"
+        "../scripts/result.py"
 
 
 use rule against_targets_figure as against_interval_figure with:
@@ -163,8 +163,7 @@ use rule against_targets_figure as against_interval_figure with:
         log_of("figures/tracking_against_interval"),
         times=benchmark_of("against_interval_figure"),
     params:
-        figure="tracking.against_interval_figure",
-        arguments=["architecture"],
+        function="figures.tracking.against_interval_figure",
     message:
         "Drawing tracking against the tasking interval"
 
@@ -176,8 +175,7 @@ use rule against_targets_figure as estimators_against_targets_figure with:
         log_of("figures/estimators_against_targets"),
         times=benchmark_of("estimators_against_targets_figure"),
     params:
-        figure="tracking.against_targets_figure",
-        arguments=["estimator"],
+        by="estimator",
     message:
         "Drawing both estimators against the number of targets"
 
@@ -189,8 +187,8 @@ use rule against_targets_figure as estimators_against_interval_figure with:
         log_of("figures/estimators_against_interval"),
         times=benchmark_of("estimators_against_interval_figure"),
     params:
-        figure="tracking.against_interval_figure",
-        arguments=["estimator"],
+        function="figures.tracking.against_interval_figure",
+        by="estimator",
     message:
         "Drawing both estimators against the tasking interval"
 
@@ -205,8 +203,8 @@ use rule against_targets_figure as tasking_figure with:
         log_of("figures/tasking_comparison"),
         times=benchmark_of("tasking_figure"),
     params:
-        figure="tracking.tasking_figure",
-        arguments=[tasking_variants(TASK2)],
+        function="figures.tracking.tasking_figure",
+        variants=tasking_variants(TASK2),
     message:
         "Drawing the comparison of tasking methods"
 
@@ -222,11 +220,11 @@ rule model_error_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        figure="tracking.model_error_figure",
+        function="figures.tracking.model_error_figure",
     message:
         "Drawing tracking by kind and size of the model error"
     script:
-        "../scripts/figure.py"
+        "../scripts/result.py"
 
 
 use rule model_error_figure as pooled_figure with:
@@ -238,14 +236,16 @@ use rule model_error_figure as pooled_figure with:
         log_of("figures/pooled"),
         times=benchmark_of("pooled_figure"),
     params:
-        figure="tracking.pooled_figure",
+        function="figures.tracking.pooled_figure",
     message:
         "Drawing the tracking of all targets by number of satellites"
 
 
 rule characterization_figure:
     input:
-        lambda wildcards: [results(cell.path) for cell in CHARACTERIZED[wildcards.characterized]],
+        cells=lambda wildcards: [
+            results(cell.path) for cell in CHARACTERIZED[wildcards.characterized]
+        ],
     output:
         **figure_files("characterization/{characterized}", "characterization"),
     log:
@@ -253,10 +253,13 @@ rule characterization_figure:
         times=benchmark_of("characterization_figure/{characterized}"),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        function="figures.tracking.characterization_figure",
+        without=HISTORIES,
     message:
-        "Drawing what light curves tell of targets whose bodies are not as believed"
+        "Drawing the characterization of targets from their light curves"
     script:
-        "../scripts/figure_characterization.py"
+        "../scripts/result.py"
 
 
 rule pooled:
@@ -277,11 +280,12 @@ rule learned_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        cell=[cell.path for cell in LEARNED],
+        function="figures.tracking.learned_figure",
+        without=HISTORIES,
     message:
         "Drawing the body parameters learned from light curves"
     script:
-        "../scripts/figure_learned.py"
+        "../scripts/result.py"
 
 
 rule replay_page:

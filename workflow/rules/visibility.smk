@@ -11,12 +11,14 @@ rule observer_paths:
     conda:
         "../envs/cislunar.yaml"
     params:
+        function="campaign.data.paths_dataset",
+        progress="orbits",
         settings=settings("epoch_jd", "visibility") | {"dynamics": TASK2["dynamics"]},
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
         "Propagating the candidate observers with Earth, Moon and Sun from the ephemeris"
     script:
-        "../scripts/observer_paths.py"
+        "../scripts/result.py"
 
 
 use rule observer_paths as observer_paths_of_scenario with:
@@ -30,7 +32,6 @@ use rule observer_paths as observer_paths_of_scenario with:
         times=benchmark_of("observer_paths_of_scenario/{scenario}"),
     params:
         settings=path_settings,
-        max_satellites=ARCHITECTURE["max_satellites"],
 
 
 use rule observer_paths_of_scenario as own_observer_paths with:
@@ -43,7 +44,6 @@ use rule observer_paths_of_scenario as own_observer_paths with:
         log_of("orbits/paths_{scenario}_{observers}"),
         times=benchmark_of("own_observer_paths/{scenario}_{observers}"),
     params:
-        settings=path_settings,
         max_satellites=1,
     message:
         "Propagating the observers {wildcards.observers} with the ephemeris"
@@ -64,12 +64,14 @@ rule visibility:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
+        function="campaign.architectures.visibility_dataset",
+        progress="orbits",
         settings=settings_of("epoch_jd", "propagator", "visibility"),
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
         "Counting observations for every orbit and number of satellites (scenario {wildcards.scenario})"
     script:
-        "../scripts/visibility.py"
+        "../scripts/result.py"
 
 
 use rule visibility as observer_visibility with:
@@ -84,7 +86,6 @@ use rule visibility as observer_visibility with:
         times=benchmark_of("observer_visibility/{scenario}_{observers}"),
     threads: 1
     params:
-        settings=settings_of("epoch_jd", "propagator", "visibility"),
         max_satellites=1,
     message:
         "Counting observations of the observers {wildcards.observers} (scenario {wildcards.scenario})"

@@ -8,8 +8,8 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.claims.architecture import comparison_claims, cost_claims, library_claims

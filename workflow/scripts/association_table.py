@@ -7,8 +7,8 @@ in_worker()
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.association_table import association_rows
 from cislunar.campaign.tracking.summary import read_cell_metrics
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log, snakemake.threads):
     cells = zip(snakemake.params.cells, snakemake.input.cells, strict=True)

@@ -6,11 +6,10 @@ in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.settings import StatedSurvey, typed
 from cislunar.campaign.survey.table import catalog_rows
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log, snakemake.threads):
     params, paths = snakemake.params, iter(snakemake.input)

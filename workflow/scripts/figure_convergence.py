@@ -9,8 +9,8 @@ from pathlib import Path
 
 from cislunar.figures.search.optimizers import convergence_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     runs = defaultdict(lambda: defaultdict(list))

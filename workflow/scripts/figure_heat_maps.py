@@ -12,8 +12,8 @@ from cislunar.figures.tracking.heatmaps import (
     intervals_figure,
     target_counts_figure,
 )
+from cislunar.runtime import each
 from cislunar.runtime.job import job
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     files = each(snakemake.input, "cells")

@@ -8,8 +8,8 @@ from collections import defaultdict
 from pathlib import Path
 
 from cislunar.figures.space.orbits_page import orbits_page
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     architectures = defaultdict(dict)

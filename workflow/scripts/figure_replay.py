@@ -5,8 +5,8 @@ from cislunar.runtime.worker_client import in_worker
 in_worker()
 
 from cislunar.figures.replay import cell_replay, replay_page
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     cell, orbits, sun = map(read_dataset, snakemake.input)

@@ -7,9 +7,8 @@ in_worker()
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.representative import representative_target_figure
+from cislunar.runtime import each, read_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     found = zip(snakemake.params.cells, each(snakemake.input, "cells"), strict=True)

@@ -11,8 +11,8 @@ import pandas as pd
 
 from cislunar.figures.search.optimizers import satellite_front_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     fronts = {Path(path).parent.name: read_dataset(path) for path in snakemake.input.fronts}

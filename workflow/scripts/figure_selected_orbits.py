@@ -6,8 +6,8 @@ in_worker()
 
 from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     scenarios = snakemake.params.scenarios

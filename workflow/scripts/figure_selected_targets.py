@@ -6,10 +6,9 @@ in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking.errors import components_figure
-from cislunar.figures.tracking.norms import selected_targets_figure
+from cislunar.figures.tracking import components_figure, selected_targets_figure
+from cislunar.runtime import read_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     (cell,) = snakemake.params.cell

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     rows = []

@@ -6,8 +6,8 @@ in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.maneuvers.table import maneuver_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log, snakemake.threads):
     cells = zip(snakemake.params.cells, snakemake.input.cells, strict=True)

@@ -6,8 +6,8 @@ in_worker()
 
 from cislunar.campaign.tracking.model_errors import model_errors
 from cislunar.campaign.tracking.tables import model_error_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     errors = model_errors(snakemake.params.settings["task2"])

@@ -8,16 +8,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from cislunar.campaign.architectures import front_architectures, objective_row, single_architecture
 from cislunar.campaign.architectures.moving import MovingTargets
 from cislunar.campaign.architectures.objectives import ArchitectureInputs
-from cislunar.campaign.architectures.objectives_table import (
-    front_architectures,
-    objective_row,
-    single_architecture,
-)
+from cislunar.runtime import each, read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import each
 
 with job(snakemake.log, snakemake.threads):
     scenario, read = snakemake.wildcards.scenario, snakemake.input

@@ -9,9 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.architectures.table2 import architecture_rows
+from cislunar.runtime import each, read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import each
 
 with job(snakemake.log, snakemake.threads):
     read, settings = snakemake.input, snakemake.params.settings

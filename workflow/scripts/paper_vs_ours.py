@@ -6,8 +6,8 @@ in_worker()
 
 import pandas as pd
 
+from cislunar.runtime import write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     claims = pd.concat([pd.read_csv(path, dtype=str) for path in snakemake.input])

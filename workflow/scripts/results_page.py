@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.results_page import results_page, verdicts_svg

@@ -4,13 +4,11 @@ from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.settings import StatedSurvey, typed
 from cislunar.campaign.survey.realization import realization_rows, survey_realization
 from cislunar.campaign.tracking.cell import read_inputs
+from cislunar.runtime import progress_log, read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     read, params, name = snakemake.input, snakemake.params, snakemake.wildcards.survey

@@ -4,12 +4,11 @@ from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.settings.families import SweepPoint
+from cislunar.campaign.settings import Cell, SweepPoint
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 from cislunar.campaign.tracking.sweep_table import architecture_values, sweep_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log, snakemake.threads):
     read, params = snakemake.input, snakemake.params

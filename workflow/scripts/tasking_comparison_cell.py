@@ -6,11 +6,9 @@ from cislunar.runtime.worker_client import in_worker
 in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.estimator))
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import read_inputs
-from cislunar.campaign.tracking.tasking_comparison import compared_dataset
+from cislunar.campaign.tracking import compared_dataset, read_inputs
+from cislunar.runtime import progress_log, write_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_dataset
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     wildcards, params = snakemake.wildcards, snakemake.params

@@ -9,10 +9,9 @@ from cislunar.runtime.worker_client import in_worker
 in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.cell[2]))
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import read_inputs
-from cislunar.campaign.tracking.dataset import write_cell
+from cislunar.campaign.tracking import read_inputs, write_cell
+from cislunar.runtime import progress_log
 from cislunar.runtime.job import job
-from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     params, realization = snakemake.params, snakemake.wildcards.get("realization")

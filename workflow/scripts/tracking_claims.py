@@ -7,8 +7,8 @@ in_worker()
 import sys
 from pathlib import Path
 
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
 from workflow.documents.claims.judges import claims_table

@@ -6,9 +6,8 @@ in_worker()
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
+from cislunar.runtime import each, write_dataset
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import write_dataset
-from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     cells = [Cell(*labels) for labels in snakemake.params.cells]

@@ -5,8 +5,8 @@ from cislunar.runtime.worker_client import in_worker
 in_worker()
 
 from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
+from cislunar.runtime import read_dataset, write_text
 from cislunar.runtime.job import job
-from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     summary = read_dataset(snakemake.input[0])

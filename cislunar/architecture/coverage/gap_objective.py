@@ -134,11 +134,7 @@ class GapObjective(CoverageObjective):
         self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
     ) -> Replacement:
         """See `Objective`; the coverage of the other slots is computed once."""
-        others = np.delete(orbit, slot)
-        free = np.setdiff1d(np.arange(self.n_orbits), others)
-        count = np.arange(lowest, highest + 1)
-        candidate = (free[:, None] * self.max_satellites + count - 1).ravel()
-        seen = self._at_least(others, np.delete(satellites, slot))[0]
+        (seen,), candidate = self._without(orbit, satellites, slot, lowest, highest)
         found = self._values(seen, candidate)
         largest = first_best(found)
         if found[largest] <= best * IMPROVES:
@@ -150,8 +146,7 @@ class GapObjective(CoverageObjective):
         """Upper bound on all architectures: the value of all candidates together, or 1."""
         if self.measure == "mean":
             return 1.0
-        every = np.bitwise_or.reduce(self.candidates[:, 0], axis=0)
-        return float(self._values(every, np.zeros(1, dtype=np.int64))[0])
+        return float(self._values(self.reachable, np.zeros(1, dtype=np.int64))[0])
 
 
 def certify_gaps(

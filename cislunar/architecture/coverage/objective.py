@@ -106,15 +106,21 @@ class CoverageObjective(Objective):
         bits = np.unpackbits(words.view(np.uint8), count=self.tables.n_elements, bitorder="little")
         return bits.astype(bool).reshape(self.tables.shape)
 
-    def best_replacement(
-        self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
-    ) -> Replacement:
-        """See `Objective`; the coverage of the other slots is computed once."""
+    def _without(
+        self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int
+    ) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+        """Bits of the elements seen without a slot, and the candidates that may replace it."""
         others = np.delete(orbit, slot)
         covered = self._at_least(others, np.delete(satellites, slot))
         free = np.setdiff1d(np.arange(self.n_orbits), others)
         count = np.arange(lowest, highest + 1)
-        candidate = (free[:, None] * self.max_satellites + count - 1).ravel()
+        return covered, (free[:, None] * self.max_satellites + count - 1).ravel()
+
+    def best_replacement(
+        self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
+    ) -> Replacement:
+        """See `Objective`; the coverage of the other slots is computed once."""
+        covered, candidate = self._without(orbit, satellites, slot, lowest, highest)
         if self.max_satellites == 1:
             gain = self._gains_again(orbit, covered[-1], candidate)
         else:

@@ -31,9 +31,8 @@ from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime import Array
 from cislunar.visibility.tracks import satellite_tracks
-
-Array = NDArray[np.float64]
 
 HOUR = 3600.0 / TIME_UNIT_S
 """One hour, nondimensional."""
@@ -166,11 +165,6 @@ def moving_targets(
         Windows and sample times.
     mu : float
         Mass ratio.
-
-    Raises
-    ------
-    ConvergenceError
-        If a target collides with the center of a body.
     """
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.certified import Choice, ObjectiveCertificate
+from cislunar.architecture import Choice, Objective, ObjectiveCertificate
 from cislunar.architecture.hyperopt_search import hyperopt_search
-from cislunar.architecture.objective import Objective
 from cislunar.campaign.architectures.objectives import (
     UNITS,
     ArchitectureInputs,
@@ -22,10 +21,8 @@ from cislunar.campaign.architectures.variables import architecture_variables, di
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.netcdf import variable
-from cislunar.runtime.progress import Progress, logger, progress_log
+from cislunar.runtime import Progress, generator, logger, progress_log, variable
 from cislunar.runtime.provenance import provenance
-from cislunar.runtime.seeds import generator
 
 _VALUES = {
     "value": "value of the objective",

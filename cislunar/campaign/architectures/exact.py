@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.coordinate_search import coordinate_search, satellite_front
-from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.optimality.certificate import certify
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
@@ -16,14 +15,13 @@ from cislunar.campaign.architectures.variables import (
     dimensionless,
     history_variables,
 )
-from cislunar.campaign.architectures.visibility import architecture_coverage
-from cislunar.runtime.progress import Progress, logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.campaign.architectures.visibility import architecture_coverage, cost_function
+from cislunar.runtime import Progress, generator, logger, progress_log
 
 
 def exact_dataset(
-    cost: CostFunction,
     visibility: xr.Dataset,
+    orbits: xr.Dataset,
     *,
     scenario: str,
     seed: int,
@@ -34,12 +32,11 @@ def exact_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/exact.nc``: the best architecture found, and its certificate.
 
-    The coordinate search finds it; the certificate bounds all others. `visibility` provides
-    attributes, `restarts` is the number of starts of the coordinate search, `certificate` the
-    configuration key `architecture.certificate`. The number of `threads` (subtrees searched in
-    parallel) does not change the result.
+    The coordinate search finds it; the certificate bounds all others. `restarts` is the number of
+    starts of the coordinate search, `certificate` the configuration key `architecture.certificate`.
+    The number of `threads` (subtrees searched in parallel) does not change the result.
     """
-    rng = generator(seed, scenario, "exact")
+    cost, rng = cost_function(visibility, orbits), generator(seed, scenario, "exact")
     found = coordinate_search(
         cost, rng, n_slots=slots, restarts=restarts, progress=progress_log("restarts")
     )
@@ -94,7 +91,6 @@ def exact_dataset(
 
 
 def front_dataset(
-    cost: CostFunction,
     visibility: xr.Dataset,
     orbits: xr.Dataset,
     targets: xr.Dataset,
@@ -114,7 +110,7 @@ def front_dataset(
     """
     totals = list(range(front["fewest"], front["most"] + 1))
     found = satellite_front(
-        cost,
+        cost_function(visibility, orbits),
         totals,
         generator(seed, scenario, "front"),
         n_slots=slots,

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.architecture.information.certificate import certify_information
-from cislunar.architecture.information.objective import InformationObjective
+from cislunar.architecture.information import InformationObjective, certify_information
 from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.objectives import ArchitectureInputs, candidate_slots
 from cislunar.runtime.progress import Progress
@@ -39,8 +39,8 @@ def generalization_rows(
     scenario: str,
     seed: int,
     progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Rows of ``tables/objectives_elsewhere.csv``; for `settings` see
+) -> pd.DataFrame:
+    """Rows of ``tables/objectives_generalization.csv``; for `settings` see
     `cislunar.campaign.architectures.objectives.objective_of`.
 
     They also have the key `generalization` of `architecture`. The architectures chosen on the
@@ -97,4 +97,4 @@ def generalization_rows(
                 })  # fmt: skip
         if progress is not None:
             progress(done + 1, len(judges))
-    return rows
+    return pd.DataFrame(rows)

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.information.brightness import squared_detection_ranges
-from cislunar.architecture.information.objective import InformationObjective
+from cislunar.architecture.information import InformationObjective, squared_detection_ranges
 from cislunar.architecture.information.tables import (
     InformationTables,
     attitude_information,
@@ -19,12 +18,10 @@ from cislunar.architecture.information.tables import (
 from cislunar.architecture.orbit_slots import OrbitSlots, satellite_orbit_slots
 from cislunar.attitude.quaternion import normalize
 from cislunar.campaign.data.inputs import sun_at
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings import CellSettings, typed
 from cislunar.campaign.settings.library import nominal_surfaces, observation_settings, target_names
-from cislunar.campaign.settings.reading import typed
 from cislunar.orbits.families import OrbitSet
-from cislunar.runtime.progress import Progress
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import Progress, generator
 from cislunar.tasking.initial_conditions import INITIAL_RATE_DEG_H, epoch_states, monitored_targets
 
 _ATTITUDE_STEP_HOURS = 0.25

@@ -7,26 +7,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import Choice, ObjectiveCertificate
-from cislunar.architecture.coordinate_search import random_start
-from cislunar.architecture.coverage.certificate import certify_coverage
+from cislunar.architecture import Choice, Objective, ObjectiveCertificate, random_start
+from cislunar.architecture.coverage import CoverageObjective, certify_coverage, coverage_tables
 from cislunar.architecture.coverage.gap_objective import GapObjective, certify_gaps
-from cislunar.architecture.coverage.objective import CoverageObjective
-from cislunar.architecture.coverage.tables import coverage_tables
-from cislunar.architecture.information.certificate import certify_information
-from cislunar.architecture.information.objective import InformationObjective
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.information import InformationObjective, certify_information
 from cislunar.architecture.optimality.prescribed import certify_total
 from cislunar.architecture.orbit_slots import OrbitSlots, orbit_slots_at, steady_orbits
 from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import families_dataset, horizon, sun_at
-from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.tree import Visibility
+from cislunar.campaign.settings import Visibility, typed
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.station_keeping import station_keeping_m_s
-from cislunar.runtime.progress import Progress
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import Progress, generator
 from cislunar.survey import DensityPrior, PriorSources, sample_prior, search_tables
 
 UNITS = {"information": "nat", "attitude": "nat"}

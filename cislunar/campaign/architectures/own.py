@@ -3,24 +3,23 @@
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.cost import CostFunction
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
     architecture_variables,
     dimensionless,
 )
+from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.campaign.settings.scenarios import orbits_of
 
 
 def own_dataset(
-    cost: CostFunction, visibility: xr.Dataset, *, scenario: str, name: str
+    visibility: xr.Dataset, orbits: xr.Dataset, *, scenario: str, name: str
 ) -> xr.Dataset:
     """``architecture/{scenario}/{name}.nc``: one satellite on each orbit of a table.
 
-    `visibility` and `cost` are those of these orbits. J is NaN if a path is not closed, since it
-    has no stability index.
+    J is NaN if a path is not closed, since it has no stability index.
     """
-    orbit = np.arange(cost.n_orbits)
+    cost, orbit = cost_function(visibility, orbits), np.arange(orbits.sizes["orbit"])
     found = architecture_variables(orbit, np.ones_like(orbit), cost)
     found["orbit"].attrs["long_name"] = f"index into {orbits_of(name, own=True)}"
     seen = visibility["observations"].values[:, 0]

@@ -2,7 +2,6 @@
 
 import xarray as xr
 
-from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.published import PUBLISHED, choose_members, random_member_values
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
@@ -10,13 +9,13 @@ from cislunar.campaign.architectures.variables import (
     dimensionless,
     history_variables,
 )
+from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.progress import logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.runtime import generator, logger, progress_log
 
 
 def published_dataset(
-    cost: CostFunction, visibility: xr.Dataset, *, scenario: str, seed: int, restarts: int
+    visibility: xr.Dataset, orbits: xr.Dataset, *, scenario: str, seed: int, restarts: int
 ) -> xr.Dataset:
     """``architecture/{scenario}/published.nc``: the paper's families and counts, best members by J.
 
@@ -27,6 +26,7 @@ def published_dataset(
             f"scenario {scenario} is not in the paper, which has {', '.join(PUBLISHED)}: there is "
             "no published architecture to evaluate"
         )
+    cost = cost_function(visibility, orbits)
     result = choose_members(
         cost,
         PUBLISHED[scenario],

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
 from cislunar.architecture.objective import first_best
 from cislunar.campaign.architectures.variables import (
@@ -14,8 +13,8 @@ from cislunar.campaign.architectures.variables import (
     dimensionless,
     history_variables,
 )
-from cislunar.runtime.progress import logger, progress_log
-from cislunar.runtime.seeds import generator
+from cislunar.campaign.architectures.visibility import cost_function
+from cislunar.runtime import generator, logger, progress_log
 
 
 def sampling_method(method: str, sampler: str) -> str:
@@ -25,8 +24,8 @@ def sampling_method(method: str, sampler: str) -> str:
 
 
 def search_run_dataset(
-    cost: CostFunction,
     visibility: xr.Dataset,
+    orbits: xr.Dataset,
     *,
     scenario: str,
     method: str,
@@ -43,6 +42,7 @@ def search_run_dataset(
     Random search runs to the full number of evaluations; its early stop is a prefix of that. The
     `sampler` of TPE is "hyperopt" or "compiled".
     """
+    cost = cost_function(visibility, orbits)
     result = hyperopt_search(
         cost,
         method=sampling_method(method, sampler),
@@ -82,7 +82,9 @@ def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
     return allowed, first_best(history[:allowed])
 
 
-def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunction) -> xr.Dataset:
+def best_run_dataset(
+    runs: Sequence[xr.Dataset], visibility: xr.Dataset, orbits: xr.Dataset, early_stop: int
+) -> xr.Dataset:
     """``architecture/{scenario}/{method}.nc``: the best of several searches under the early stop.
 
     The best run is in the main variables; ``run_*`` have each run under the early stop (evaluations
@@ -105,7 +107,7 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     for row, (each, (count, _)) in enumerate(zip(runs, stops, strict=True)):
         histories[row, :count] = each["J_history"].values[:count]
     full = [first_best(each["J_history"].values) for each in runs]
-    data = architecture_variables(orbit, satellites, cost)
+    data = architecture_variables(orbit, satellites, cost_function(visibility, orbits))
     data |= history_variables(
         run["J_history"].values[:allowed], run["satellites_history"].values[:allowed]
     )

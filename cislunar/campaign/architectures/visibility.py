@@ -8,19 +8,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from cislunar.architecture.cost import CostFunction
+from cislunar.architecture import ArchitectureTables, CostFunction
 from cislunar.architecture.coverage.measures import Coverage, coverage
-from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.variables import dimensionless
 from cislunar.campaign.data.inputs import horizon, sun_at
+from cislunar.campaign.settings import Visibility, merged, typed
 from cislunar.campaign.settings.observing.sensors import own_sensors
-from cislunar.campaign.settings.reading import merged, typed
-from cislunar.campaign.settings.tree import Visibility
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.progress import Progress, logger
 from cislunar.runtime.provenance import provenance
-from cislunar.visibility.counts import VisibilityCounts, count_visibility
-from cislunar.visibility.tracks import architecture_tracks
+from cislunar.visibility import VisibilityCounts, architecture_tracks, count_visibility
 
 
 def visibility_dataset(

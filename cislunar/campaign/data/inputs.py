@@ -7,20 +7,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.settings.library import family_extent
-from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.tree import Orbits, Targets, Visibility
+from cislunar.campaign.settings import Orbits, Targets, Visibility, family_extent, typed
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.ephemeris.bodies import COLUMNS, NODE_SPACING_S, BodyTable, tabulate_bodies
+from cislunar.ephemeris import COLUMNS, NODE_SPACING_S, BodyTable, tabulate_bodies, utc_to_tdb
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
-from cislunar.ephemeris.time_scales import utc_to_tdb
 from cislunar.orbits.families import OrbitSet, observer_library
-from cislunar.runtime.netcdf import variable
-from cislunar.runtime.progress import Progress, logger, progress_log
+from cislunar.runtime import Progress, logger, progress_log, variable
 from cislunar.runtime.provenance import provenance
-from cislunar.targets.clustering import cluster, distinct_points
-from cislunar.targets.missions import load_missions
-from cislunar.targets.sampling import sample_zero_velocity
+from cislunar.targets import cluster, distinct_points, load_missions, sample_zero_velocity
 from cislunar.visibility.counts import observation_times
 
 AXES = ("x", "y", "z")

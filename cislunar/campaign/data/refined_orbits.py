@@ -8,13 +8,10 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.campaign.data.inputs import AXES, COMPONENTS, body_table, horizon, variables
-from cislunar.campaign.settings.cell_tree import Dynamics
-from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings import Dynamics, typed
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics.ephemeris import UNITS
+from cislunar.dynamics import UNITS, from_inertial, is_low_lunar, pulsating_frame
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
-from cislunar.dynamics.frames import from_inertial, pulsating_frame
-from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
 from cislunar.ephemeris.bodies import COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import reference_states, tracking_cost
@@ -208,10 +205,10 @@ def _measured(
     )
 
 
-def refined_rows(refined: Mapping[str, xr.Dataset]) -> pd.DataFrame:
+def refined_rows(**refined: xr.Dataset) -> pd.DataFrame:
     """Rows of ``tables/refined_orbits.csv``: measures of the refined orbits of each family.
 
-    `refined` has data sets of `refined_dataset` by the use of their orbits.
+    The arguments are data sets of `refined_dataset`, named by the use of their orbits.
     """
     rows = []
     for use, data in refined.items():

@@ -8,19 +8,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from cislunar.architecture import PUBLISHED, Objective, choose_members
 from cislunar.architecture.coordinate_search import coordinate_search
-from cislunar.architecture.objective import Objective
-from cislunar.architecture.published import PUBLISHED, choose_members
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import (
     families_dataset,
     static_targets_dataset,
     zvs_points_dataset,
 )
-from cislunar.campaign.settings.families import nested
-from cislunar.campaign.settings.reading import merged
-from cislunar.runtime.progress import Progress
-from cislunar.runtime.seeds import generator
+from cislunar.campaign.settings import merged, nested
+from cislunar.runtime import Progress, generator
 
 _READINGS: dict[str, dict[str, Any]] = {
     "as configured": {},

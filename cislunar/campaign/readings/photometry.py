@@ -5,14 +5,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry import apparent_magnitude, icosahedron, returned_light, sphere_magnitude
 from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
-from cislunar.photometry.shapes import icosahedron
-from cislunar.photometry.sphere import returned_light, sphere_magnitude
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _PHASE_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 _INCIDENCES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)

@@ -4,16 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from cislunar.runtime.settings_fields import (
-    Count,
-    NotNegative,
-    Positive,
-    Section,
-    number,
-    setting,
-    several,
-    whole,
-)
+from cislunar.runtime import Count, NotNegative, Positive, Section, number, setting, several, whole
 from cislunar.runtime.settings_words import pattern
 
 # fmt: off
@@ -89,7 +80,7 @@ class Information(Section):
 class Generalization(Section):
     scenario: str | None = setting(
         "scenario whose architectures by `information` are evaluated on other targets "
-        "(`tables/objectives_elsewhere.csv`); null: none", default=None)
+        "(`tables/objectives_generalization.csv`); null: none", default=None)
     satellites: several(Count) = setting("numbers of satellites", default=[20, 33])
     target_seeds: several(whole(ge=0)) = setting(
         "seeds that select other sets of moving targets, as `information.target_seed` does", "1",

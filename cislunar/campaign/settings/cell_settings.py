@@ -7,8 +7,7 @@ from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spec import ICOSAHEDRON, load_body_table
-from cislunar.photometry.materials import REFLECTION_LAWS
-from cislunar.photometry.spacecraft import MODELS
+from cislunar.photometry import MODELS, REFLECTION_LAWS
 
 REPLAY_MINUTES = 5.0
 """Time between the recorded states of a replay, at least a step."""

@@ -17,15 +17,8 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
-from cislunar.observation.body_parameters import REFLECTION_LAW, BodyParameterPrior
-from cislunar.observation.body_spec import BodySpec
-from cislunar.observation.sensor import Sensor
-from cislunar.photometry.materials import (
-    REFLECTION_LAWS,
-    Material,
-    PhotometryReading,
-    Reflection,
-)
+from cislunar.observation import REFLECTION_LAW, BodyParameterPrior, BodySpec, Sensor
+from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryReading, Reflection
 from cislunar.runtime.settings_fields import (
     Count,
     Flag,
@@ -42,8 +35,7 @@ from cislunar.runtime.settings_fields import (
 )
 from cislunar.targets.maneuver_model import ManeuverModel
 from cislunar.tasking.communication.model import CommunicationModel
-from cislunar.tasking.planning.detection_model import DetectionModel
-from cislunar.tasking.planning.schedule_model import ScheduleModel
+from cislunar.tasking.planning import DetectionModel, ScheduleModel
 
 # fmt: off
 

@@ -20,6 +20,7 @@ from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
     information_of,
+    require_scenario,
     scenario_settings,
     tracked_count,
 )
@@ -33,8 +34,7 @@ from cislunar.campaign.settings.tree import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import ObserverErrors
-from cislunar.runtime.settings_fields import is_multiple
-from cislunar.runtime.settings_words import shown
+from cislunar.runtime import is_multiple, shown
 
 _TAKEN = ("front", "fronts", "runs")
 """Names of other folders beside the architectures of a scenario."""
@@ -173,12 +173,8 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
             f"{library} orbits of the library: lower it or raise orbits.members"
         )
     for key in ("label_comparison", "readings", "generalization"):
-        scenario = architecture[key]["scenario"]
-        if scenario is not None and scenario not in config["scenarios"]:
-            raise ConfigurationError(
-                f"configuration key 'architecture.{key}.scenario' = {scenario!r} is none of the "
-                f"scenarios {', '.join(config['scenarios'])}"
-            )
+        if (scenario := architecture[key]["scenario"]) is not None:
+            require_scenario(f"architecture.{key}.scenario", scenario, config)
     front = architecture["front"]
     fewest, most = architecture["slots"], architecture["slots"] * architecture["max_satellites"]
     if not fewest <= front["fewest"] <= front["most"] <= most:
@@ -228,10 +224,7 @@ def _check_objectives(config: Mapping[str, Any]) -> None:
                 )
         scenarios = objective.get("scenarios")
         for scenario in () if scenarios is None else scenarios:
-            if scenario not in config["scenarios"]:
-                raise ConfigurationError(
-                    f"{place}.scenarios': {scenario!r} is none of {', '.join(config['scenarios'])}"
-                )
+            require_scenario(f"architecture.{key}.scenarios", scenario, config)
         if by_information:
             evaluated = config["scenarios"] if scenarios is None else scenarios
             _check_windows(config, evaluated, information_of(objective, config["architecture"]))
@@ -243,10 +236,7 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
     for name, survey in config["surveys"].items():
         key = f"configuration key 'surveys.{name}"
         scenario = survey["scenario"]
-        if scenario not in config["scenarios"]:
-            raise ConfigurationError(
-                f"{key}.scenario' = {scenario!r} is none of {', '.join(config['scenarios'])}"
-            )
+        require_scenario(f"surveys.{name}.scenario", scenario, config)
         try:
             shares = typed(survey, StatedSurvey).prior.shares
         except ConfigurationError as error:

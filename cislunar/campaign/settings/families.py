@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from cislunar.campaign.settings.cell_tree import CellChange
 from cislunar.campaign.settings.cells import Cell, grid_cells, has_architecture
 from cislunar.campaign.settings.reading import merged, with_types
+from cislunar.campaign.settings.scenarios import require_scenario
 from cislunar.errors import ConfigurationError
 
 TRACKING = "settings.task2"
@@ -227,11 +228,7 @@ def _check_sweep(config: Mapping[str, Any], name: str, taken: set[str]) -> None:
     """Refuse a sweep with an unfit scenario or architecture, no targets, or a taken name."""
     place, sweep = f"configuration key 'sweeps.{name}", config["sweeps"][name]
     scenario, key, architecture = sweep["scenario"], sweep["key"], sweep["architecture"]
-    if scenario not in config["scenarios"]:
-        raise ConfigurationError(
-            f"{place}.scenario' = {scenario!r} is none of the scenarios "
-            f"{', '.join(config['scenarios'])}"
-        )
+    require_scenario(f"sweeps.{name}.scenario", scenario, config)
     if not sweep.get("targets") and _within_cell(key) is not None:
         raise ConfigurationError(
             f"{place}.targets' is empty: {key} changes the tracking alone; give at least one "

@@ -6,17 +6,14 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.information.tables import ObservationSettings
-from cislunar.attitude.inertia import inertia_matrix
-from cislunar.attitude.torque_model import TorqueModel
+from cislunar.attitude import TorqueModel, inertia_matrix
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
-from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation import EstimatorFactory, estimator_named
 from cislunar.estimation.fusion.catalogs import catalogs
 from cislunar.estimation.maneuvers.factory import monitored
 from cislunar.estimation.navigation.factory import navigated
-from cislunar.estimation.registry import estimator_named
-from cislunar.observation.body_factory import body_from_spec, equal_sphere_of
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation import BodyParameterPrior, body_from_spec, equal_sphere_of
 from cislunar.observation.body_spec import bodies_of_targets
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.orbits.extent import CATALOG_EXTENT, Extent

@@ -29,16 +29,14 @@ from cislunar.campaign.settings.scenarios import (
     tracked_names,
 )
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.ephemeris.sampling import check_coverage
-from cislunar.ephemeris.time_scales import tdb_after, tdb_seconds
+from cislunar.ephemeris import check_coverage, tdb_after, tdb_seconds
 from cislunar.errors import CislunarError, ConfigurationError, InputFileError
 from cislunar.estimation.navigation.table import load_observer_errors
 from cislunar.observation.body_spec import BodySpec, load_body_table
 from cislunar.photometry.materials import REFLECTION_LAWS, Material
 from cislunar.photometry.reflection.tables import load_reflectance_table
 from cislunar.runtime.settings_fields import MOST_STEPS
-from cislunar.targets.maneuvers import load_maneuvers
-from cislunar.targets.missions import load_missions
+from cislunar.targets import load_maneuvers, load_missions
 from cislunar.targets.tables import (
     check_closed_targets,
     is_message,

@@ -8,8 +8,7 @@ from pydantic import ValidationError
 
 from cislunar.campaign.settings.tree import Campaign
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.settings_fields import Section
-from cislunar.runtime.settings_words import faults, inner, schema_of, types, unreadable
+from cislunar.runtime import Section, faults, inner, schema_of, types, unreadable
 
 Part = TypeVar("Part", bound=Section)
 

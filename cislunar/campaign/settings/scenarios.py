@@ -12,6 +12,7 @@ from cislunar.campaign.settings.architecture_tree import Optimizer
 from cislunar.campaign.settings.cells import TRACKED_TARGETS
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.tree import Surroundings
+from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import epoch_at
 from cislunar.targets.tables import TargetStates, is_message, load_target_states
 
@@ -100,6 +101,14 @@ def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any
 
 OPTIMIZERS = get_args(Optimizer)
 """Architectures that every campaign can have."""
+
+
+def require_scenario(key: str, scenario: str, config: Mapping[str, Any]) -> None:
+    """Refuse a scenario that the configuration does not have."""
+    if scenario not in config["scenarios"]:
+        raise ConfigurationError(
+            f"configuration key '{key}' = {scenario!r} is none of {', '.join(config['scenarios'])}"
+        )
 
 
 def orbits_of(architecture: str, own: bool) -> str:

@@ -5,9 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cells
@@ -16,31 +13,27 @@ from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
-from cislunar.errors import ConfigurationError
-from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
-from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
-from cislunar.photometry.materials import PhotometryModel, group_materials
-from cislunar.photometry.spacecraft import MODELS
-from cislunar.runtime.settings_fields import (
-    is_multiple,
-    require_multiple,
-    shortened_interval,
+from cislunar.campaign.settings.scenarios import (
+    require_scenario,
+    scenario_settings,
+    tracked_count,
 )
-
-Array = NDArray[np.float64]
+from cislunar.errors import ConfigurationError
+from cislunar.observation import ICOSAHEDRON, BodyParameterPrior, BodySpec, require_freedom
+from cislunar.photometry import MODELS, PhotometryModel, group_materials
+from cislunar.runtime import Array, is_multiple, require_multiple, shortened_interval
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Refuse settings of `task2` and its variants that do not fit each other or the scenarios.
     `config` is `study` with the variants and scenarios of its families."""
-    task2, scenarios = config["task2"], config["scenarios"]
+    task2 = config["task2"]
     _check_cell("task2.", task2, config)
     for key, scenario, _ in _target_counts(config):
-        _require_scenario(f"task2.{key}", scenario, scenarios)
+        require_scenario(f"task2.{key}", scenario, config)
     stated = list(stated_variants(study))
     _check_architectures(config, stated)
-    settings = {name: scenario_settings(config, name) for name in scenarios}
+    settings = {name: scenario_settings(config, name) for name in config["scenarios"]}
     for name, own in settings.items():
         _check_cell(f"scenarios.{name}.settings.task2.", own["task2"], own)
     for variant in stated:
@@ -98,7 +91,7 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
         counts.append((f"{variant.family}.targets", scenario, variant.entry["targets"]))
         for other, n in variant.entry.get("other_scenarios", {}).items():
             key = f"{variant.family}.other_scenarios"
-            _require_scenario(key, other, config["scenarios"])
+            require_scenario(key, other, config)
             counts.append((f"{key}.{other}", other, n))
     counts.append(("task2.tasking_comparison.targets", compared["scenario"], compared["targets"]))
     for name, sweep in config["sweeps"].items():
@@ -136,20 +129,12 @@ def _check_architectures(config: Mapping[str, Any], stated: Iterable[StatedVaria
     for key, (scenario, architecture) in places.items():
         if scenario is None:
             continue
-        _require_scenario(f"{key}.scenario", scenario, config["scenarios"])
+        require_scenario(f"{key}.scenario", scenario, config)
         if not cells.has_architecture(scenario, architecture):
             raise ConfigurationError(
                 f"configuration key '{key}.architecture' = {architecture!r}: the paper has "
                 f"no architecture for scenario {scenario!r}"
             )
-
-
-def _require_scenario(key: str, scenario: str, scenarios: Mapping[str, Any]) -> None:
-    if scenario not in scenarios:
-        raise ConfigurationError(
-            f"configuration key '{key}': scenario {scenario!r} is not among those of 'scenarios' "
-            f"({', '.join(scenarios)})"
-        )
 
 
 def _check_cell(

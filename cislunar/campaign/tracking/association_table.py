@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.association.model import FRAMES, KNOWN, AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.evaluation.intervals import count_interval, t_interval
-from cislunar.evaluation.metrics import PARTS
-
-Array = NDArray[np.float64]
+from cislunar.evaluation import PARTS, count_interval, t_interval
+from cislunar.runtime import Array
 
 TASKED = "tasked target"
 """Associator of cells whose observations measure their own targets alone."""

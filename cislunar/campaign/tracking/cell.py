@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data.inputs import body_table, sun_at
-from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.cells import Cell, check_cell
+from cislunar.campaign.settings import Cell, CellSettings, check_cell, orbits_of, typed
 from cislunar.campaign.settings.library import (
     estimator_factory,
     loop_settings,
@@ -20,8 +19,6 @@ from cislunar.campaign.settings.library import (
     truth_model,
 )
 from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors, true_sensors
-from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.campaign.tracking.ephemeris_inputs import (
     CellEphemeris,
     assumed_forces,
@@ -34,22 +31,16 @@ from cislunar.campaign.tracking.ephemeris_inputs import (
     true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.dynamics.cr3bp import EARTH_MOON
-from cislunar.dynamics.forces import of_targets
-from cislunar.dynamics.propagation import advance_orbits
+from cislunar.dynamics import EARTH_MOON, advance_orbits, of_targets, propagate_bundle
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
-from cislunar.observation.scene import Scene, make_scene
-from cislunar.observation.sensor import Sensors
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation import Scene, Sensors, TargetSurfaces, make_scene
 from cislunar.runtime.netcdf import read_dataset
 from cislunar.targets.maneuvers import Maneuvers, load_maneuvers
+from cislunar.tasking import TruthModel, epoch_states, monitored_targets
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
-from cislunar.tasking.initial_conditions import epoch_states, monitored_targets
-from cislunar.tasking.truth import TruthModel
 from cislunar.visibility.tracks import architecture_tracks
 
 

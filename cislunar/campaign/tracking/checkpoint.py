@@ -22,10 +22,8 @@ from typing import IO, Any
 import numpy as np
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.runtime.netcdf import whole_file
-from cislunar.runtime.progress import Progress, logger
-from cislunar.tasking.closed_loop import ClosedLoop
-from cislunar.tasking.recording import Piece
+from cislunar.runtime import Progress, logger, whole_file
+from cislunar.tasking import ClosedLoop, Piece
 
 CHECKPOINT_S = 60.0
 """Least time between checkpoints, s; a shorter computation is repeated sooner than stored."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -32,36 +32,19 @@ from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_
 from cislunar.estimation.light_curves.model_selection.characterization import (
     STATUS_NAMES as ATTITUDE_STATUS_NAMES,
 )
-from cislunar.evaluation.characterization import CHARACTERIZED_FIELDS
-from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
+from cislunar.evaluation import CHARACTERIZED_FIELDS, PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
-from cislunar.runtime.netcdf import Later, growing_dataset, variable
-from cislunar.runtime.progress import Progress
+from cislunar.runtime import Later, Progress, growing_dataset, variable
 from cislunar.runtime.provenance import provenance
-from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking import OBSERVATION_COLUMNS, ClosedLoop, kept_histories, log_variables
 from cislunar.tasking.detection_outcomes import (
     SettingNames,
     count_outcomes,
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import (
-    OBSERVATION_COLUMNS,
-    kept_histories,
-    log_variables,
-)
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
-
-
-class _Described(NamedTuple):
-    """A variable of a cell without its values: dimensions, type, unit and description."""
-
-    dims: tuple[str, ...]
-    dtype: str
-    unit: str
-    meaning: str
-
 
 COMPONENTS = tuple(
     f"{part}_{axis}"
@@ -112,7 +95,10 @@ def cell_dataset(
     }
     report_outcomes(_fill(whole, pieces, loop), loop.inputs, names)
     _report_estimated_parameters(whole, loop)
-    values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
+    values = {
+        name: xr.Variable(each.dims, whole[name], each.attributes)
+        for name, each in described.items()
+    }
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
 
 
@@ -162,10 +148,7 @@ def write_cell(
     if realization is not None:
         return
     rest = _dataset(cell, inputs, loop, problem, {}, attributes)
-    later = {
-        name: Later(each.dims, each.dtype, _attributes(name, each.unit, each.meaning))
-        for name, each in _histories(loop).items()
-    }
+    later = _histories(loop)
     with growing_dataset(rest, path, later, {"observation": loop.state.observations}) as whole:
         outcomes = _fill(whole, checkpoint.pieces(), loop)
         _report_estimated_parameters(whole, loop)
@@ -199,7 +182,7 @@ def _dataset(
     inputs: CellInputs,
     loop: ClosedLoop,
     problem: Problem,
-    histories: Mapping[str, tuple],
+    histories: Mapping[str, xr.Variable],
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:
     """Coordinates, histories if given, and results of a run."""
@@ -229,7 +212,7 @@ def _dataset(
         units = ["degree h-2" if name.startswith("angular") else "1" for name in names]
         coords["parameter"] = "parameter", names, "1", "estimated body parameter"
         coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
-    described = {**histories, **_results(loop)}
+    described = _results(loop)
     if loop.inputs.records_maneuvers:
         described |= log_variables(loop.maneuvers())
     if loop.inputs.recovers:
@@ -246,7 +229,8 @@ def _dataset(
         begins = 60.0 * settings.schedule.slot_minutes * np.arange(settings.slots)
         coords["slot"] = "slot", begins, "s", "time since the tasking epoch"
     return xr.Dataset(
-        {
+        histories
+        | {
             name: xr.Variable(dims, values, _attributes(name, unit, meaning))
             for name, (dims, values, unit, meaning) in described.items()
         },
@@ -287,24 +271,22 @@ _COUNTED = {
 _SEVERAL = "see component_unit"
 
 
-def _histories(loop: ClosedLoop) -> dict[str, _Described]:
+def _histories(loop: ClosedLoop) -> dict[str, Later]:
     """The histories and observations of a cell as variables."""
     settings, frame = loop.inputs.settings, _frame(loop)
     found = {
-        name: _Described(
+        name: Later(
             ("seed", each.along, *each.dims),
             "i1" if each.dtype == "bool" else each.dtype,
-            each.unit,
-            each.long_name.format(frame=frame),
+            _attributes(name, each.unit, each.long_name.format(frame=frame)),
         )
         for name, each in kept_histories(settings, loop.outputs).items()
     }
-    found["valid"] = _Described(
-        ("seed", "time", "target"), "i1", "1", "1 where a measurement was used"
-    )
+    attributes = _attributes("valid", "1", "1 where a measurement was used")
+    found["valid"] = Later(("seed", "time", "target"), "i1", attributes)
     if "measurements" in settings.record:
         found |= {
-            name: _Described(("observation",), *each[:3])
+            name: Later(("observation",), each.dtype, _attributes(name, *each[1:3]))
             for name, each in OBSERVATION_COLUMNS.items()
         }
     return found

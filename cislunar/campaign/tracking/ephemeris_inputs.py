@@ -12,27 +12,19 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.campaign.architectures.variables import phases_of
+from cislunar.campaign.data import forces_on_observers, horizon_days, observer_states
 from cislunar.campaign.data.inputs import COMPONENTS, variables
-from cislunar.campaign.data.refined_orbits import (
-    forces_on_observers,
-    horizon_days,
-    observer_states,
-)
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
-from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
-from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.ephemeris import COLUMNS, BodyTable, read_table, rotating_frame
 from cislunar.errors import ConvergenceError
-from cislunar.observation.ground import station_positions, station_tracks
-from cislunar.observation.scene import Scene, make_scene
+from cislunar.observation import Scene, make_scene, station_positions, station_tracks
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, refined_path
-from cislunar.runtime.progress import Progress
+from cislunar.runtime import Array, Progress
 from cislunar.runtime.provenance import provenance
 from cislunar.tasking.settings import LoopSettings
-
-Array = NDArray[np.float64]
 
 
 class CellEphemeris(NamedTuple):

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cislunar.campaign.settings import CellSettings, typed
 from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
-from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.reading import typed
 
 NONE, SEVERAL = "none", "several"
 """Kinds of a cell without any error, and of a variant with more than one."""

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART, WHERE_KEPT
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 CELL = ["scenario", "architecture", "estimator", "variant", "targets", "interval_minutes"]
 """Labels that identify a cell."""

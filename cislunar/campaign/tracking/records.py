@@ -7,28 +7,22 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.quaternion import compose, normalize
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import direction_errors, icrf_directions
-from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
-from cislunar.ephemeris.kernel import DEFAULT_KERNEL
-from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.ephemeris import COLUMNS, DEFAULT_KERNEL, read_table, rotating_frame, tabulate_bodies
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.evaluation.characterization import INTERVAL_PARTS
-from cislunar.exchange.aem import AttitudeSegment
-from cislunar.exchange.arcs import arc, inertial_arc
-from cislunar.exchange.inertial import CENTERS, Epoch, icrf_axes
+from cislunar.exchange import CENTERS, AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
-from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
@@ -140,12 +134,7 @@ class FrameOfCell(NamedTuple):
         return icrf_axes([self.start_s], self.epoch)[0].T
 
     def arc(
-        self,
-        name: str,
-        state: Array,
-        time_s: Array,
-        center: str,
-        covariance: Array | None = None,
+        self, name: str, state: Array, time_s: Array, center: str, covariance: Array | None = None
     ) -> Segment:
         """An arc of states (time, 6) and covariances (time, 6, 6) in the propagation frame."""
         given = {"center": center, "covariance": covariance}
@@ -227,11 +216,6 @@ def cell_arcs(
     list of Segment
         Named by `target_name` of the cell: the id in the user's table, or orbit class and row. The
         arc of a failed estimate ends where it failed; without two states it is left out.
-
-    Raises
-    ------
-    ConfigurationError
-        If the cell lacks the record.
     """
     states = _recorded(cell, "translation", which)[seed]
     covariances = None
@@ -327,11 +311,6 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
         from the observer to the target at the same time, without light time and aberration.
         Positions of the observers have ICRF axes, km from the center of the Earth. Observers are
         named by `observer_names`, targets (``artSat``) as in `cell_arcs`.
-
-    Raises
-    ------
-    ConfigurationError
-        If the cell lacks the record.
     """
     require_records(cell, ["measurements"])
     names = ("seed", "step", "target", "observer", "magnitude", "magnitude_variance")

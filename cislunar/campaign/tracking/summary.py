@@ -21,12 +21,10 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
 )
 from cislunar.evaluation.characterization import CharacterizedTargets, within_intervals
 from cislunar.evaluation.metrics import FINAL_HOURS, INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
-from cislunar.runtime.netcdf import read_dataset, variable
+from cislunar.runtime import Array, read_dataset, variable
 from cislunar.runtime.provenance import provenance
 from cislunar.tasking.detection_outcomes import OBSERVATION_OUTCOMES, count_outcomes, outcome_shares
 from cislunar.tasking.histories import HISTORIES, OBSERVATION_COLUMNS
-
-Array = NDArray[np.float64]
 
 _PART_UNITS = ("1", "rad s-1", "1", "1")
 """Units of the errors of the parts; those of the paper."""
@@ -307,7 +305,7 @@ def _associated(cell: xr.Dataset) -> dict[str, Array]:
 
 
 def characterized_in(cell: xr.Dataset) -> CharacterizedTargets:
-    """What light curves tell of the targets of a cell, with a leading axis over realizations."""
+    """Characterization of the targets of a cell, with a leading axis over realizations."""
     return CharacterizedTargets(*(cell[name].values for name in CharacterizedTargets._fields))
 
 

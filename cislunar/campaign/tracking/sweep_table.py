@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.architectures.variables import phases_of
-from cislunar.campaign.architectures.visibility import architecture_coverage
+from cislunar.campaign.architectures import architecture_coverage, phases_of
 from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.tables import tracking_rows
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.settings.cells import FEWEST_RANKED, unpooled_variant
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
@@ -16,8 +15,7 @@ from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, r
 from cislunar.campaign.tracking.summary import CHARACTERIZED
 from cislunar.estimation.light_curves.model_selection.characterization import STATUS_NAMES
 from cislunar.evaluation.intervals import GEOMETRIC, SPANS_DECADES, group_means, interval_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
 _PLACE += ["observers", "targets", "interval_minutes"]
@@ -267,14 +265,15 @@ def _filled(texts: pd.Series) -> pd.Series:
     return texts.astype(object).fillna("")
 
 
-def rank_rows(objectives: pd.DataFrame, tracking: pd.DataFrame) -> pd.DataFrame:
+def rank_rows(objectives: Sequence[pd.DataFrame], tracking: pd.DataFrame) -> pd.DataFrame:
     """Rows of ``tables/objective_ranks.csv``, from the tables of objectives and of tracking.
 
     For every group of cells that differ only in their architecture and have the same number of
     observers: rank correlation of each objective with tracking performance. Groups of fewer
     architectures than `FEWEST_RANKED` are left out.
     """
-    named = objectives[_filled(objectives["front"]) == ""]
+    every = pd.concat(objectives)
+    named = every[_filled(every["front"]) == ""]
     both = tracking.assign(**{key: _filled(tracking[key]) for key in ("variant", "part")})
     both = both.merge(named[["scenario", "architecture", *OBJECTIVES]], how="inner")
     rows = []

@@ -11,18 +11,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, cell_loop
-from cislunar.runtime.netcdf import variable
-from cislunar.runtime.progress import Progress
+from cislunar.runtime import Array, Progress, generator, variable
 from cislunar.runtime.provenance import provenance
-from cislunar.runtime.seeds import generator
 from cislunar.tasking.planning.assignment import assign
 from cislunar.tasking.recording import collect
-
-Array = NDArray[np.float64]
 
 SEARCHES = ("tpe", "random")
 _DIRECT = ("exact", "greedy")

@@ -12,15 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.figures import style
-from cislunar.figures.space.orbits_page_layout import VIEWS, scene_layout
-from cislunar.figures.space.page import body_traces, page_html
-from cislunar.runtime.arguments import array_of
-
-Array = NDArray[np.float64]
+from cislunar.figures.space import VIEWS, body_traces, page_html, scene_layout
+from cislunar.runtime import Array, array_of
 
 DIV_ID = "scene"
 """Identifier of the plot's element in the page."""

@@ -5,11 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings import CellSettings, typed
 from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors
-from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.tracking.records import (
     FrameOfCell,
     frame_of,
@@ -20,15 +18,9 @@ from cislunar.campaign.tracking.records import (
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.exchange.observations import observation_dates
-from cislunar.figures.replay.page import (
-    Replay,
-    ReplayDetections,
-    ReplayFact,
-    ReplayManeuver,
-)
+from cislunar.figures.replay.page import Replay, ReplayDetections, ReplayFact, ReplayManeuver
 from cislunar.observation.sensor import sensors_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 RECORD = ("estimates", "covariance", "measurements")
 """What a cell must record (`task2.record`) for a replay. With ``truth`` the page can show it, and
@@ -69,11 +61,6 @@ def cell_replay(
         At the recorded times, or at every second, third and so on of them. An observer points at
         the estimated position of its target. The axes of ephemeris dynamics are those of the
         instantaneous rotating frame.
-
-    Raises
-    ------
-    ConfigurationError
-        If the cell lacks a record.
     """
     require_records(cell, RECORD)
     own = cell.isel(seed=seed)

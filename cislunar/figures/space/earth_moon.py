@@ -10,9 +10,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from cislunar.figures.axes import Array
+from cislunar.figures.labels import AXES
 from cislunar.figures.style import EARTH_COLOR, MOON_COLOR
 
-AXES = ("x", "y", "z")
 EYE_DEG = (22.0, -58.0)
 """Elevation and azimuth of the viewing direction of every view in space."""
 

@@ -5,8 +5,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.dynamics.propagation import propagate_many, propagate_periodic
+from cislunar.dynamics import CR3BP, propagate_many, propagate_periodic
 from cislunar.figures.axes import Array
 
 _SECONDS_PER_HOUR = SECONDS_PER_DAY / 24.0

@@ -142,11 +142,7 @@ def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
 
 
 def draw_error(
-    axes: Axes,
-    hours: Array,
-    error: Array,
-    sigma: Array,
-    series: ErrorStyle = SINGLE,
+    axes: Axes, hours: Array, error: Array, sigma: Array, series: ErrorStyle = SINGLE
 ) -> None:
     """Draw one component of the error of a target, over its bounds."""
     bound = BOUND_SIGMAS * sigma

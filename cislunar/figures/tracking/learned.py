@@ -1,5 +1,5 @@
-"""What light curves reveal about body parameters, and about objects whose body is not as believed:
-deviations and errors over the prior, and characterization beside the truth."""
+"""Body parameters estimated from light curves, over their prior, and characterization of objects
+whose body may differ from the assumed one, compared with the truth."""
 
 import json
 from collections.abc import Sequence
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.summary import BRIGHT_ROWS, characterized_in
 from cislunar.errors import InputFileError
-from cislunar.evaluation.characterization import CharacterizedTargets, spin_axis_error_deg
-from cislunar.evaluation.metrics import NEVER_OBSERVED
+from cislunar.evaluation import NEVER_OBSERVED, CharacterizedTargets, spin_axis_error_deg
 from cislunar.figures import style
 from cislunar.figures.axes import (
     Array,
@@ -91,7 +90,7 @@ def learned_figure(cell: xr.Dataset) -> Figure:
 _STATUS = (
     style.SeriesStyle("attitude unique", style.BLUE, style.SOLID, "o"),
     style.SeriesStyle("attitude ambiguous", style.ORANGE, style.SOLID, "s"),
-    style.SeriesStyle("shape or law not as believed", style.VERMILION, style.SOLID, "^"),
+    style.SeriesStyle("shape or law not as assumed", style.VERMILION, style.SOLID, "^"),
 )
 _EQUAL = style.SeriesStyle("estimate equals truth", style.BLACK, style.DASHED, "")
 _INTERVALS = {
@@ -120,7 +119,7 @@ def _bright(cells: Sequence[xr.Dataset]) -> tuple[CharacterizedTargets, NDArray[
 
 @style.house_style()
 def characterization_figure(cells: Sequence[xr.Dataset]) -> Figure:
-    """Draw what light curves tell of the bright targets of some cells beside the truth."""
+    """Draw the characterization of the bright targets of some cells against the truth."""
     found, status = _bright(cells)
     grid = Grid(1, 4, 1.38, 1.38, 0.45, 0.95, 0.5)
     figure = style.new_figure(0.3 + grid.size[1] + grid.foot, grid.left + grid.size[0] + 0.12)

@@ -18,8 +18,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 from scipy.stats import chi2
 
+from cislunar.campaign.tracking import cells_of, select, values_of
 from cislunar.campaign.tracking import realizations as table
-from cislunar.campaign.tracking.realizations import cells_of, select, values_of
 from cislunar.evaluation.intervals import interval_of, log_interval
 from cislunar.figures import axes as layout
 from cislunar.figures import panels, style

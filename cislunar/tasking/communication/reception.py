@@ -5,8 +5,6 @@ estimates within a span that is processed again are not needed, fits light curve
 and propagates attitudes in longer steps.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,12 +15,12 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
 from cislunar.observation.records import Measurements, rows_of
+from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.pending import PlannedObservations
 from cislunar.tasking.truth import Truth
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 

@@ -6,8 +6,6 @@ Hyperopt's tree-structured Parzen estimator over one continuous weight per targe
 the K largest weights are assigned to the observers in that order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,8 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 INFORMATION_DECIMALS = 9
 """Decimals of the information, nats, by which taskings are compared."""
@@ -166,11 +163,7 @@ def _tpe(
 
 
 _DIRECT: dict[str, Callable] = {"exact": _exact, "greedy": _greedy}
-_SEARCHES: dict[str, Callable] = {
-    "tpe": _tpe,
-    "tpe-compiled": _compiled_tpe,
-    "random": _random,
-}
+_SEARCHES: dict[str, Callable] = {"tpe": _tpe, "tpe-compiled": _compiled_tpe, "random": _random}
 METHODS = ("exact", "tpe", "tpe-compiled", "greedy", "random")
 
 

@@ -10,9 +10,8 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array
 
 from cislunar.errors import CislunarError
+from cislunar.runtime import Array
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS
-
-Array = NDArray[np.float64]
 
 
 class _Packing(NamedTuple):

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cislunar.campaign.tracking.comparisons import slopes
-from cislunar.campaign.tracking.realizations import cells_of, values_of
+from cislunar.campaign.tracking import cells_of, slopes, values_of
 from cislunar.campaign.tracking.summary import PARTS
 from cislunar.evaluation.intervals import (
     Interval,

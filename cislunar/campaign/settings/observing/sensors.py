@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.reading import merged, typed
+from cislunar.campaign.settings import CellSettings, merged, typed
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import Atmosphere, GroundSensor, Sensor, Sensors
 from cislunar.orbits.observers import SENSOR_COLUMNS
