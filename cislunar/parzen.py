@@ -71,16 +71,18 @@ def parzen_window(values, weights, low, high):
 
 @njit(cache=True)
 def mixture(share, mean, deviation):
-    """A mixture for `mixture_density`: heights, means, inverse deviations, and the wider
-    components. Most components of many trials have the least width; the others are listed."""
-    return share / deviation, mean, 1.0 / deviation, np.flatnonzero(deviation > deviation.min())
+    """A mixture for `mixture_density`: heights, means, inverse deviations, the largest of these,
+    and the wider components. Most components of many trials have the least width; the others are
+    listed."""
+    least = deviation.min()
+    return share / deviation, mean, 1.0 / deviation, 1.0 / least, np.flatnonzero(deviation > least)
 
 
 @njit(cache=True)
-def mixture_density(x, height, mean, inverse, wider):
+def mixture_density(x, height, mean, inverse, steepest, wider):
     """Density of a mixture at x, except for a factor common to the two mixtures of a label. Narrow
     components contribute only near x."""
-    steepest, total = inverse.max(), 0.0
+    total = 0.0
     first = np.searchsorted(mean, x - _REACH / steepest)
     last = np.searchsorted(mean, x + _REACH / steepest)
     for i in range(first, last):
@@ -91,6 +93,29 @@ def mixture_density(x, height, mean, inverse, wider):
         away = (x - mean[i]) * inverse[i]
         total += height[i] * np.exp(-0.5 * away * away)
     return total
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _least_density(x, height, mean, inverse, steepest, wider):
+    """Lower bound of `mixture_density`, without exponential functions: (1 - z / 64)^64 <= exp(-z)
+    for z < 64. It vectorizes; the order of the sum and rounding are within the factor at the end.
+    """
+    total = 0.0
+    first = np.searchsorted(mean, x - _REACH / steepest)
+    last = np.searchsorted(mean, x + _REACH / steepest)
+    for i in range(first, last):
+        away = (x - mean[i]) * steepest
+        near = 1.0 - away * away / 128.0
+        for _ in range(6):
+            near *= near
+        total += height[i] * near if inverse[i] == steepest else 0.0
+    for i in wider:
+        away = (x - mean[i]) * inverse[i]
+        near = max(0.0, 1.0 - away * away / 128.0)
+        for _ in range(6):
+            near *= near
+        total += height[i] * near
+    return total * (1.0 - 1e-9)
 
 
 @njit(cache=True)
@@ -111,7 +136,10 @@ def _best_in_interval(good, rest, low, high, rng):
             x = good[1][i] + good[2][i] * rng.standard_normal()
             if low <= x < high:
                 break
-        ratio = mixture_density(x, *above) / mixture_density(x, *below)
+        density = mixture_density(x, *above)
+        if density <= best_ratio * _least_density(x, *below):
+            continue
+        ratio = density / mixture_density(x, *below)
         if ratio > best_ratio:
             best, best_ratio = x, ratio
     return best
@@ -131,10 +159,10 @@ def _best_category(good, rest, rng):
 
 
 @njit(cache=True)
-def _suggest(values, by_value, by_loss, low, high, categories, rng):
-    """The next trial, shape (label,), given the `values` (label, trial) of all trials. `by_value`
+def _suggest(n, values, by_value, by_loss, low, high, categories, rng):
+    """The next trial, shape (label,), given the first n of the `values` (label, trial). `by_value`
     (label, trial) sorts them by value, `by_loss` lists the best trials, best first."""
-    labels, n = values.shape
+    labels = low.size
     n_good = min(int(np.ceil(_GOOD_SHARE * np.sqrt(n))), _MOST_GOOD)
     is_good = np.zeros(n, np.bool_)
     is_good[by_loss[:n_good]] = True
@@ -153,11 +181,19 @@ def _suggest(values, by_value, by_loss, low, high, categories, rng):
                 counted[int(values[j, i])] += weight[i]
             found[j] = _best_category(good / good.sum(), rest / rest.sum(), rng)
             continue
-        order = by_value[j]
-        chosen, other = order[is_good[order]], order[~is_good[order]]
+        # the good trials from the left, and the others from the right
+        value, share, others, left = np.empty(n), np.empty(n), n, 0
+        for i in by_value[j, :n][::-1]:
+            if not is_good[i]:
+                others -= 1
+                value[others], share[others] = values[j, i], weight[i]
+        for i in by_value[j, :n]:
+            if is_good[i]:
+                value[left], share[left] = values[j, i], weight[i]
+                left += 1
         found[j] = _best_in_interval(
-            parzen_window(values[j][chosen], weight[chosen], low[j], high[j]),
-            parzen_window(values[j][other], weight[other], low[j], high[j]),
+            parzen_window(value[:left], share[:left], low[j], high[j]),
+            parzen_window(value[left:], share[left:], low[j], high[j]),
             low[j],
             high[j],
             rng,
@@ -189,8 +225,9 @@ class ParzenSearch:
             sample = self._low + (self._high - self._low) * self._rng.random(self._low.size)
             return np.where(self._categories > 0, np.floor(sample), sample)
         return _suggest(
-            self._values[:, :n],
-            self._by_value[:, :n],
+            n,
+            self._values,
+            self._by_value,
             np.array(self._by_loss[:_MOST_GOOD]),
             self._low,
             self._high,

@@ -45,14 +45,24 @@ def pytest_addoption(parser):
     )
 
 
-def pytest_collection_finish(session):
-    """Before the first test of several workers, one compiles the kernels of the estimators if a
-    test needs them, while the others wait; then the others load them."""
-    if "PYTEST_XDIST_WORKER" in os.environ and any(
-        runs_estimators(item.path) for item in session.items
-    ):
-        for name in ESTIMATORS:
-            compile_kernels(kernel_set(f"tracking-{name}"))
+def pytest_runtest_setup(item):
+    """Of several workers one compiles the kernels of the estimators before its first test that may
+    need them. Until then, others run tests without an estimator; they wait before the first one
+    with an estimator, and load the kernels."""
+    if "PYTEST_XDIST_WORKER" in os.environ and may_run_estimators(item):
+        load_estimators()
+
+
+@cache
+def load_estimators():
+    """Compile or load the kernels of all estimators."""
+    for name in ESTIMATORS:
+        compile_kernels(kernel_set(f"tracking-{name}"))
+
+
+def may_run_estimators(item):
+    """Whether a test may run an estimator: by itself, or by Snakemake."""
+    return runs_estimators(item.path) or item.get_closest_marker("workflow") is not None
 
 
 @cache
@@ -102,11 +112,7 @@ def pytest_collection_modifyitems(items):
     """
     groups = {item: group_of(item.nodeid) for item in items}
     sizes = Counter(groups.values())
-    late = {
-        groups[item]
-        for item in items
-        if runs_estimators(item.path) or item.get_closest_marker("workflow")
-    }
+    late = {groups[item] for item in items if may_run_estimators(item)}
     stage = {group: 3 if group in late else 1 for group in sizes}
     stage |= {FINISHED: 0, **dict.fromkeys(LONG, 2)}
     items.sort(key=lambda item: (stage[groups[item]], -sizes[groups[item]], groups[item]))

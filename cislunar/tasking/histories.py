@@ -78,7 +78,7 @@ def _motion(word: str, record: str) -> dict[str, History]:
 
 HISTORIES = {
     "assignment": History(
-        "epoch", ("observer",), "i2", "1",
+        "epoch", ("observer",), "i4", "1",
         "index of the target along dimension target, -1 for an idle observer", "always"),
     "information": History(
         "epoch", (), "f8", "nat", "mutual information of the tasking", "always"),

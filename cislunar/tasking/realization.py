@@ -40,6 +40,7 @@ from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.pending import expected_update
 from cislunar.tasking.recording import (
     Piece,
+    concatenate,
     observation_log,
     observer_errors,
     recorded_motion,
@@ -48,6 +49,10 @@ from cislunar.tasking.recording import (
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth, estimation_errors
+
+TARGET_STEPS_AT_ONCE = 1_000_000
+"""Targets times steps of an interval that are simulated at once, if it can be divided. It bounds
+the memory, about 0.8 kB each."""
 
 USED = DETECTED + 1
 """Outcome of an observation whose measurement was used, in addition to those of
@@ -118,6 +123,29 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         tasking = tasking.commanding(own.estimator.command_search(n_steps))
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
+    divided = inputs.divisible and getattr(type(own.estimator), "divisible", False)
+    length = max(1, TARGET_STEPS_AT_ONCE // inputs.ids.size) if divided else n_steps
+    parts = []
+    for first in range(0, n_steps, length):
+        part = tasking._replace(target_by_step=tasking.target_by_step[first : first + length])
+        given = own, number, start + first, part, prediction, estimated, first + length >= n_steps
+        parts.append(_simulate(inputs, *given))
+    return concatenate(parts)
+
+
+def _simulate(
+    inputs: SimulationInputs,
+    own: Realization,
+    number: int,
+    start: int,
+    tasking: Decision,
+    prediction: Prediction,
+    estimated: Prediction,
+    final: bool,
+) -> Piece:
+    """Simulate steps of an interval from the step `start` on. The `final` ones, with which it ends,
+    have the values of the epoch."""
+    settings, n_steps = inputs.settings, tasking.target_by_step.shape[0]
     motion, dimmed, visible = _moved(inputs, own, start, n_steps)
     selected = own.evaluation.final(n_steps)
     selected[settings.recorded_within(start, n_steps)] = True
@@ -128,7 +156,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
             given = estimated, inputs.scene, inputs.forces
             measurements, shaded = without_dimming(measurements, *given)
         estimates, least, observed = _judged(
-            inputs, own, start, motion, measurements, outcome, selected
+            inputs, own, start, motion, measurements, outcome, selected, final
         )
         commanded, of_tracks = np.ones(outcome.size, dtype=bool), {}
     else:
@@ -167,7 +195,11 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
             names, start, tasking.target_by_step, motion, estimates, settings, inputs.scene
         ),
     }
-    kept = {name: np.asarray(values[name], dtype=each.dtype) for name, each in names.items()}
+    kept = {
+        name: np.asarray(values[name], dtype=each.dtype)
+        for name, each in names.items()
+        if final or each.along != "epoch"
+    }
     log = None
     if "measurements" in settings.record:
         log = observation_log(start, own.number, measurements, outcome)
@@ -309,12 +341,14 @@ def _worked(
     motion: Truth,
     measurements: Measurements,
     selected: NDArray[np.bool_] | None,
+    final: bool = True,
 ) -> tuple[Estimates, Array]:
     """Estimates of the steps of measurements, and the bound of the used measurements; None selects
     no step, neither for the bound nor for the estimates."""
     estimates = own.estimator.advance(
         measurements,
         covariance="covariance" in inputs.settings.record,
+        final=final,
         histories=selected is not None,
     )
     if selected is None:
@@ -347,12 +381,12 @@ def _judged(
     measurements: Measurements,
     outcome: NDArray[np.uint8],
     selected: NDArray[np.bool_],
+    final: bool,
 ) -> tuple[Estimates, Array, NDArray[np.bool_]]:
-    """Estimates of an interval, the bound at the selected steps, and which targets have been
-    observed."""
+    """Estimates of steps, the bound at the selected ones, and which targets have been observed."""
     work = partial(_worked, inputs, own)
     if own.reception is None:
-        estimates, least = work(motion, measurements, selected)
+        estimates, least = work(motion, measurements, selected, final)
         observed = np.isin(np.arange(inputs.ids.size), rows_of(measurements)[0][estimates.used])
         return estimates, least, observed
     estimates, least = own.reception.advance(start, motion, measurements, selected, work)

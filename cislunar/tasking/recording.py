@@ -38,12 +38,15 @@ class Piece(NamedTuple):
 
 
 def concatenate(pieces: Sequence[Piece]) -> Piece:
-    """Concatenate pieces that follow each other."""
+    """Concatenate pieces that follow each other, some of which may lack values of the epochs."""
     first, last = pieces[0], pieces[-1]
     extent = {
         along: slice(part.start, last.extent[along].stop) for along, part in first.extent.items()
     }
-    kept = {name: np.concatenate([piece.kept[name] for piece in pieces]) for name in first.kept}
+    kept = {
+        name: np.concatenate([piece.kept[name] for piece in pieces if name in piece.kept])
+        for name in last.kept
+    }
     log = _concatenate_logs([piece.observations for piece in pieces])
     return Piece(first.seed, extent, kept, log)
 

@@ -95,6 +95,20 @@ class SimulationInputs(NamedTuple):
         """Whether the estimators choose between models of the bodies."""
         return getattr(self.factory, "chooses_models", False)
 
+    @property
+    def divisible(self) -> bool:
+        """Whether the steps of an interval may be simulated in parts, since nothing refers to it as
+        a whole. The class of the estimator must have `divisible` = True as well: several calls of
+        its `advance` give the estimates of one."""
+        settings = self.settings
+        return not (
+            settings.communication.late
+            or settings.association.in_field
+            or settings.eclipse
+            or settings.tasking.detection is not None
+            or "visibility" in settings.record
+        )
+
     def true_motion(self, truth: TruthModel, seed: int) -> TrueMotion:
         """The true motion of a realization from the epoch on, given its sampled truth."""
         settings, scene = self.settings, self.scene

@@ -4,14 +4,17 @@ from measured import evaluate
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import CHOLESKY_FAILURES, UPDATES
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.evaluation.metrics import NEVER_OBSERVED
 from cislunar.observation.scene import make_scene
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking import realization
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.histories import HISTORIES
 from cislunar.tasking.initial_conditions import (
     epoch_states,
     initial_estimate,
@@ -96,6 +99,33 @@ def test_a_rerun_gives_the_same_bytes_and_seeds_are_independent(result):
     assert again.sigma[0].tobytes() == result.sigma[1].tobytes()
     assert again.outcome[0].tobytes() == result.outcome[1].tobytes()
     assert result.error[0].tobytes() != result.error[1].tobytes()
+
+
+@pytest.mark.parametrize("at_once", [5 * 17, 1])
+def test_an_interval_may_be_simulated_in_parts(result, monkeypatch, at_once):
+    """Of 17 steps, of which the last in an interval are fewer, and of one step. Only the bound has
+    other rounding errors."""
+    monkeypatch.setattr(realization, "TARGET_STEPS_AT_ONCE", at_once)
+    seen, advance = [], MultiplicativeUKF.advance
+
+    def noted(self, measurements, **given):
+        seen.append(given["final"])
+        return advance(self, measurements, **given)
+
+    monkeypatch.setattr(MultiplicativeUKF, "advance", noted)
+    divided = _run(keep_information=True)
+    assert seen == ([False] * (3 if at_once > 1 else 59) + [True]) * 6
+    assert divided.histories.keys() == result.histories.keys()
+    for name, values in divided.histories.items():
+        np.testing.assert_array_equal(values, result.histories[name][:1], name)
+    for name, values in divided.metrics._asdict().items():
+        tolerance = 1e-12 if name.startswith("bound_") else 0.0
+        np.testing.assert_allclose(values, getattr(result.metrics, name)[:1], tolerance, 0.0)
+    np.testing.assert_array_equal(divided.counters, result.counters[:1])
+
+
+def test_targets_above_the_range_of_short_integers_are_named_rightly():
+    assert np.iinfo(HISTORIES["assignment"].dtype).max > 1e6
 
 
 def test_thinning_keeps_the_metrics_and_the_last_state(result):

@@ -109,6 +109,8 @@ class MultiplicativeUKF:
         light of a target does not depend on an estimated parameter.
     """
 
+    divisible = True
+
     def __init__(
         self,
         scene: Scene,

@@ -15,15 +15,22 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.tasking.planning.assignment import IDLE, Assignment, assign
+from cislunar.tasking.planning.assignment import (
+    IDLE,
+    INFORMATION_DECIMALS,
+    Assignment,
+    assign,
+)
 from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.bool_]
 
 _MARGIN = 1e-7
-"""Least amount, nats, by which another assignment must fall short, so that rounding of the
-information of some hundred pairs does not matter."""
+"""Least amount, nats, by which a pair that is left out falls short of the prices."""
+
+_TIE = 0.5 * 10.0**-INFORMATION_DECIMALS
+"""Amount, nats, within which assignments of rounded information are equal."""
 
 FEWEST_PAIRS = 20_000
 """Number of pairs below which all are computed, since little time would be saved."""
@@ -55,23 +62,25 @@ def assign_preselected(
 def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> Assignment:
     """Best assignment of pairs, given upper bounds (observer, target) of their information.
 
-    `compute` is called with a mask of pairs and a matrix that receives their information. The
-    assignment of the pairs computed so far has nonnegative prices u of observers and v of targets,
-    with u + v = information of its pairs and u + v >= information of all computed pairs. No pair
-    with u + v above its bound is part of any best assignment. If there is more than one assignment
-    within `_MARGIN`, all pairs are computed, and `assign` breaks the ties.
+    `compute` is called with a mask of pairs and with `bound`, in which their information replaces
+    the bounds. The assignment of the pairs computed so far has nonnegative prices u of observers
+    and v of targets, with u + v = information of its pairs and u + v >= information of all computed
+    pairs. No pair with u + v above its bound is part of any best assignment. If there is more than
+    one best assignment of the rounded information, all pairs are computed, and `assign` breaks the
+    ties.
     """
-    gain, known = np.zeros(bound.shape), bound == 0.0
-    selected, beyond = np.empty(bound.shape, dtype=bool), np.zeros(bound.shape[1])
+    known, selected = bound == 0.0, np.empty(bound.shape, dtype=bool)
+    beyond = np.zeros(bound.shape[1])
     # As many per observer as there are observers would suffice, if all were in view.
     count = 2 * bound.shape[0]
     _mark(bound, known, np.zeros(bound.shape[0]), beyond, selected)
     _keep_highest(bound, selected, count)
     while np.any(selected):
-        compute(selected, gain)
+        compute(selected, bound)
         known |= selected
-        columns = np.flatnonzero(gain.any(axis=0))
-        few = gain[:, columns]
+        columns = np.flatnonzero((known & (bound > 0.0)).any(axis=0))
+        gain = np.where(known[:, columns], bound[:, columns], 0.0)
+        few = np.round(gain, INFORMATION_DECIMALS)
         best = assign(few)
         taken = columns[best.target[best.target != IDLE]]
         selected[:] = False
@@ -89,7 +98,7 @@ def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> A
             return Assignment(target, best.information, best.history)
         else:
             selected = ~known
-    return assign(gain)
+    return assign(np.where(known, bound, 0.0))
 
 
 @njit_noalloc
@@ -124,7 +133,7 @@ def _prices(gain: Array, target: NDArray[np.int64]) -> tuple[Array, Array]:
     u[paired] = own
     for _ in range(target.size + 1):
         lower = np.minimum(u[paired], (u[:, None] + loss).min(axis=0))
-        settled = np.all(lower >= u[paired] - 1e-3 * _MARGIN)
+        settled = np.all(lower >= u[paired] - 1e-3 * _TIE)
         u[paired] = lower
         if settled:
             break
@@ -134,11 +143,11 @@ def _prices(gain: Array, target: NDArray[np.int64]) -> tuple[Array, Array]:
 
 
 def _is_unique(gain: Array, u: Array, v: Array, target: NDArray[np.int64]) -> bool:
-    """Whether every other assignment falls short by more than `_MARGIN`. Another assignment differs
+    """Whether every other assignment falls short by more than `_TIE`. Another assignment differs
     by a cycle of observers that each take the target of the next, or by a path from a released
     target to a free target or none; it falls short by the sum of the slacks along the way."""
     slack, n, idle = u[:, None] + v - gain, target.size, target == IDLE
-    if min(slack.min(initial=0.0), u.min(), v.min(initial=0.0)) < -_MARGIN:
+    if min(slack.min(initial=0.0), u.min(), v.min(initial=0.0)) < -_TIE:
         return False
     paired = np.flatnonzero(~idle)
     free = np.ones(v.size, dtype=bool)
@@ -150,5 +159,5 @@ def _is_unique(gain: Array, u: Array, v: Array, target: NDArray[np.int64]) -> bo
     cost[:n, n] = np.minimum(to_free, np.where(idle, np.inf, u))
     cost[n, :n] = 0.0
     cost[n, paired] = v[target[paired]]
-    near = csr_array(cost <= _MARGIN)
+    near = csr_array(cost <= _TIE)
     return connected_components(near, connection="strong", return_labels=False) == n + 1
