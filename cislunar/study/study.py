@@ -125,6 +125,7 @@ class Study:
 
     def __init__(
         self,
+        /,
         observers: Any,
         targets: Any,
         epoch: Any = None,
