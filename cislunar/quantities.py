@@ -4,6 +4,7 @@ Astropy is not needed: an object with the method `to_value` and the attribute `u
 and one with the attributes `utc` and `isot` an `astropy.time.Time`.
 """
 
+import datetime
 from typing import Any, Literal
 
 import numpy as np
@@ -102,7 +103,12 @@ def _in_units(name: str, given: Any, units: dict[str, float]) -> Any:
 
 
 def date_of(given: Any) -> Any:
-    """ISO 8601 date, UTC, of an `astropy.time.Time`; anything else as it is."""
+    """ISO 8601 date, UTC, of an `astropy.time.Time` or a date of `datetime`, NumPy or pandas, which
+    are in UTC unless they state a time zone; anything else as it is."""
     if hasattr(given, "utc") and hasattr(given, "isot"):
         return str(given.utc.isot)
-    return given
+    if isinstance(given, np.datetime64):
+        return str(given.astype("datetime64[us]"))
+    if isinstance(given, datetime.datetime) and given.tzinfo:
+        given = given.astimezone(datetime.UTC).replace(tzinfo=None)
+    return given.isoformat() if isinstance(given, datetime.date) else given

@@ -3,6 +3,7 @@
 import click
 
 from cislunar.command.base import Command
+from cislunar.errors import InputFileError
 
 
 @click.command(cls=Command)
@@ -45,8 +46,14 @@ def study(file: str, output: str | None, seeds: int | None, check: bool) -> None
     click.echo(repr(chosen).strip("<>"))
     if check:
         return
-    result = chosen.run(seeds)
     folder = Path(output) if output else Path(file).with_suffix("")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputFileError(
+            f"--output {folder}: {error.strerror}; give a folder that can be written to"
+        ) from error
+    result = chosen.run(seeds)
     paths = write_study(result, folder)
     click.echo(result.summary().round(3).to_string())
     click.echo(f"{len(paths)} files in {folder}")

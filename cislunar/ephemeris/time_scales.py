@@ -84,7 +84,8 @@ TIME_SYSTEMS = ("UTC", "TAI", "TT", "TDB")
 """Time scales of dates."""
 
 _DATE = re.compile(
-    r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?Z?", re.ASCII
+    r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?(?:Z|\+00:00)?",
+    re.ASCII,
 )
 _NOON = datetime.datetime(2000, 1, 1, 12)
 
@@ -96,10 +97,11 @@ def clock_seconds(date: str) -> float:
     ----------
     date : str
         ISO 8601: ``2024-10-01``, ``2024-10-01T06:30:00.5`` or, with the day of the year,
-        ``2024-275T06:30:00``; a Z may follow. Time zones and leap seconds are not supported.
+        ``2024-275T06:30:00``; a blank may stand for the T, and a Z or +00:00 may follow. Other time
+        zones and leap seconds are not supported.
     """
-    found = _DATE.fullmatch(date.strip())
     try:
+        found = _DATE.fullmatch(date.strip())
         year, month, day, of_year, hour, minute, second = found.groups()
         start = datetime.datetime(int(year), int(month or 1), int(day or 1))
         start += datetime.timedelta(int(of_year or 1) - 1)
@@ -154,8 +156,9 @@ def tdb_seconds(instant: str | float) -> float:
 
     Parameters
     ----------
-    instant : str, float or astropy.time.Time
-        ISO 8601 date (see `clock_seconds`), or Julian date (see `utc_to_tdb`).
+    instant : str, float, datetime, numpy.datetime64 or astropy.time.Time
+        ISO 8601 date (see `clock_seconds`), Julian date (see `utc_to_tdb`), or see
+        `cislunar.quantities.date_of`.
 
     Raises
     ------

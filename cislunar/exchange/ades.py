@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import read_date, read_text
+from cislunar.exchange.key_values import read_text
 from cislunar.exchange.observations import (
+    LINE,
     OBJECT_NAMES,
     POSITION_COLUMNS,
     RANGES,
@@ -29,7 +30,6 @@ from cislunar.exchange.observations import (
     observation_dates,
     require,
 )
-from cislunar.exchange.table_rows import read_number
 
 VERSIONS = ("2017", "2018", "2022")
 """Versions that are read; 2022 is written."""
@@ -111,8 +111,7 @@ def ades_text(
         empty = given[name] == ""
         right = [re.fullmatch(form, each, re.ASCII if "w" in form else 0) for each in given[name]]
         require(given, name, empty | np.array([each is not None for each in right]), rule)
-    named = (given[[*_NAMES]] != "").any(axis=1)
-    require(given, "trkSub", named, f"be given, or one of {', '.join(OBJECT_NAMES)}")
+    require(given, *_named(given))
     both = (given[["permID", "provID"]] != "").any(axis=1) & (given["artSat"] != "")
     require(given, "artSat", ~both, "be empty where permID or provID is given")
     given["obsTime"] = observation_dates(given["tdb"])
@@ -210,7 +209,7 @@ def read_ades(path: str | Path) -> pd.DataFrame:
             f"{path}, line 1: not a pipe-separated ADES file, which begins with # version=2022; "
             "convert the file"
         )
-    rows: list[dict[str, object]] = []
+    rows: dict[int, dict[str, str]] = {}
     columns: list[str] = []
     element, observatory, in_header = "", {}, True
     for number, line in lines[1:]:
@@ -234,15 +233,26 @@ def read_ades(path: str | Path) -> pd.DataFrame:
             )
         else:  # empty fields at the end may be left out
             fields += [""] * (len(columns) - len(fields))
-            rows.append(_row(place, dict(zip(columns, fields, strict=True)), observatory))
+            row = rows[number] = dict(zip(columns, fields, strict=True))
+            if observatory.get("mpcCode") == row["stn"] and "name" in observatory:
+                row["observatory"] = observatory["name"]
     if not rows:
         raise InputFileError(f"{path}: contains no observation; add a row per observation")
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame([*rows.values()], pd.Index(rows, name=LINE)).fillna("")
+    given = checked(table, (*_NAMES, *RANGES), fault=InputFileError, place=str(path))
+    require(given, *_named(given), InputFileError, str(path))
     names = [*_COLUMNS, *(name for name in table if name not in _COLUMNS)]
     table = table[[name for name in names if name in table]]
-    table = table.fillna({name: "" for name in table if name not in (*RANGES, "tdb")})
-    table = table.sort_values("tdb", kind="stable", ignore_index=True).drop(columns="tdb")
+    numbers = {name: given[name] for name in RANGES if name in table}
+    table = table.assign(obsTime=observation_dates(given["tdb"]), **numbers)
+    table = table.iloc[np.argsort(given["tdb"], kind="stable")].reset_index(drop=True)
     return table if "obsID" in table else table.rename(columns={"obsSubID": "obsID"})
+
+
+def _named(given: pd.DataFrame) -> tuple[str, pd.Series, str]:
+    """The rule that each observation is named, for `require`."""
+    rule = f"be given, or one of {', '.join(OBJECT_NAMES)}"
+    return "trkSub", (given[[*_NAMES]] != "").any(axis=1), rule
 
 
 def _column_names(place: str, fields: list[str]) -> list[str]:
@@ -251,25 +261,3 @@ def _column_names(place: str, fields: list[str]) -> list[str]:
         reason = f"no column {lacking[0]}" if lacking else "a column occurs twice"
         raise InputFileError(f"{place}: {reason}; give optical observations with ra and dec")
     return fields
-
-
-def _row(place: str, given: dict[str, str], observatory: dict[str, str]) -> dict[str, object]:
-    """An observation, with ``tdb``, s past J2000."""
-    row: dict[str, object] = {}
-    for name, text in given.items():
-        if name in REQUIRED and not text:
-            raise InputFileError(f"{place}: {name} is empty; give it")
-        if name in RANGES:
-            row[name] = read_number(f"{place}, {name}", text) if text else np.nan
-            least, most, rule = RANGES[name]
-            if text and not least < row[name] < most:
-                raise InputFileError(f"{place}: {name} = {text} must {rule}")
-        else:
-            row[name] = text
-    if not any(given.get(name) for name in _NAMES):
-        raise InputFileError(f"{place}: has none of {', '.join(_NAMES)}; give one")
-    row["tdb"] = read_date(f"{place}, obsTime", given["obsTime"], "UTC")
-    row["obsTime"] = observation_dates([row["tdb"]])[0]
-    if observatory.get("mpcCode") == given["stn"] and "name" in observatory:
-        row["observatory"] = observatory["name"]
-    return row

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import sample_ephemeris
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.exchange.table_rows import check_state
 
@@ -109,13 +109,12 @@ def rotating_states(
 
 def rotating_state_at(place: str, segments: Sequence[Segment], epoch: Epoch) -> Array:
     """State (6,) of an object at an epoch, nondimensional, rotating frame, from its segments; an
-    `InputFileError` that begins with `place` if they do not cover it, or for an impossible state.
-    """
+    error that begins with `place` if they do not cover it, or for an impossible state or center."""
     try:
         state, center = state_at(segments, epoch.tdb_s)
-    except InputFileError as error:
-        raise InputFileError(f"{place}: {error}") from error
-    found = rotating_states(state[None], [0.0], epoch, center)[0]
+        found = rotating_states(state[None], [0.0], epoch, center)[0]
+    except CislunarError as error:
+        raise type(error)(f"{place}: {error}") from error
     check_state(f"{place}, object {segments[0].name!r}", _MESSAGE, found, "km")
     return found
 
@@ -171,7 +170,7 @@ def _turned(covariance: ArrayLike, turn: Array) -> Array:
 def origin_of(center: str) -> Array:
     """State (6,) of an origin, nondimensional, rotating frame; refuses an unknown one."""
     if center not in CENTERS:
-        raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")
+        raise ConfigurationError(f"center {center!r} is unknown: use one of {', '.join(CENTERS)}")
     return np.array([CENTERS[center], 0.0, 0.0, 0.0, 0.0, 0.0])
 
 

@@ -29,6 +29,9 @@ OBJECT_NAMES = ("permID", "provID", "artSat")
 
 POSITION_COLUMNS = ("pos1", "pos2", "pos3")
 
+LINE = "line"
+"""Name of an index of lines of a file, which messages then state in place of rows."""
+
 
 def _closed(least: float, most: float) -> tuple[float, float]:
     """The open interval that contains the same numbers as the closed one."""
@@ -58,7 +61,12 @@ def require(
     column `name` "must ...", and `right`, shape (row,), is false."""
     for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
         value = table[name].iloc[row]
-        raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
+        raise fault(f"{place}, {_row(table, row)}: {name} = {value} must {rule}")
+
+
+def _row(table: pd.DataFrame, row: int) -> str:
+    """A row in words."""
+    return f"line {table.index[row]}" if table.index.name == LINE else f"row {row + 1}"
 
 
 def checked(
@@ -111,18 +119,20 @@ def checked(
             least, most, rule = RANGES[name]
             right &= (text == "") | ((values > least) & (values < most))
         require(table, name, right, rule if name in RANGES else "be given", fault, place)
-    found = pd.DataFrame(columns).astype({name: float for name in columns if name in RANGES})
-    return found.assign(tdb=_times(found["obsTime"].tolist(), fault, place))
+    found = pd.DataFrame(columns, table.index if table.index.name == LINE else None)
+    found = found.astype({name: float for name in columns if name in RANGES})
+    return found.assign(tdb=_times(found, fault, place))
 
 
-def _times(given: list[str], fault: type[CislunarError], place: str) -> Array:
+def _times(table: pd.DataFrame, fault: type[CislunarError], place: str) -> Array:
     """TDB seconds past J2000 of dates."""
     seconds: dict[str, float] = {}
+    given = table["obsTime"].tolist()
     for row, date in enumerate(given):
         try:
             seconds[date] = seconds[date] if date in seconds else tdb_seconds(date)
         except ConfigurationError as error:
-            raise fault(f"{place}, row {row + 1}: obsTime: {error}") from error
+            raise fault(f"{place}, {_row(table, row)}: obsTime: {error}") from error
     return np.array([seconds[date] for date in given])
 
 

@@ -247,7 +247,7 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
             figure.savefig(drawn, format=kind, dpi=RASTER_DPI, metadata=metadata)
         if kind == "png":
             drawn = _with_palette(drawn)
-        with whole_file(Path(path)) as temporary:
+        with whole_file(path) as temporary:
             temporary.write_bytes(drawn.getvalue())
         progress(done, len(files))
 

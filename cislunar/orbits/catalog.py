@@ -28,6 +28,8 @@ ValueOrRange = float | tuple[float, float]
 
 _MOST_MEMBERS = 1000
 """Largest number of members of a branch, which ends there if it has not met its end."""
+_MOST_SPREAD = 10_000
+"""Largest number of members that are spread along a family."""
 
 _FLATTEST = 1e-4
 """Speed out of the plane of the last orbit before a planar one, where branches meet."""
@@ -348,7 +350,7 @@ def periodic_orbits(
         if not low <= high:
             raise ConfigurationError(f"members of {family}: {key} from {low} to {high} is no range")
     if count is not None:
-        count = count_of(f"members of {family}: count", count)
+        count = count_of(f"members of {family}: count", count, most=_MOST_SPREAD)
     branch = catalog_branch(family, mu, progress=following)
     if clear:
         branch = clear_part(branch, mu)

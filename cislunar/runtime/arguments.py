@@ -45,9 +45,7 @@ def array_of(
         found = np.asarray(None)
     objects = found.dtype.kind == "O" and all(isinstance(each, Real) for each in found.flat)
     if found.dtype.kind not in "biuf" and not objects:
-        raise ConfigurationError(
-            f"{name} = {_in_one_line(given)} must be numbers{_shape_in_words(axes)}"
-        )
+        raise ConfigurationError(f"{name} = {shown(given)} must be numbers{_shape_in_words(axes)}")
     found = np.asarray(found, dtype=float)
     if axes is not None and not (
         found.ndim == len(axes)
@@ -80,7 +78,7 @@ def number_of(name: str, given: Any, *, positive: bool = False) -> float:
         or not np.isfinite(float(value))
         or (positive and not value > 0.0)
     ):
-        raise ConfigurationError(f"{name} = {_in_one_line(given)} must be a {kind}")
+        raise ConfigurationError(f"{name} = {shown(given)} must be a {kind}")
     return float(value)
 
 
@@ -107,23 +105,19 @@ def require_unit(name: str, vectors: Array, of: str = "") -> None:
         raise ConfigurationError(f"{name}{place} {found}")
 
 
-def count_of(name: str, given: Any, least: int = 1) -> int:
-    """An argument as a whole number of at least `least`; raises a `ConfigurationError`."""
-    if isinstance(given, bool) or not isinstance(given, Integral) or given < least:
-        raise ConfigurationError(
-            f"{name} = {_in_one_line(given)} must be a whole number of at least {least}"
-        )
+def count_of(name: str, given: Any, least: int = 1, most: int | None = None) -> int:
+    """An argument as a whole number within limits; raises a `ConfigurationError`."""
+    whole = isinstance(given, Integral) and not isinstance(given, bool)
+    if not whole or given < least or (most is not None and given > most):
+        limits = f"of at least {least}{f' and at most {most:,}' if most else ''}"
+        raise ConfigurationError(f"{name} = {shown(given)} must be a whole number {limits}")
     return int(given)
 
 
 def require_kind(name: str, given: Any, kind: Any, remedy: str) -> None:
     """Raise a `ConfigurationError` with a remedy if an argument is not an instance of `kind`."""
     if not isinstance(given, kind):
-        raise ConfigurationError(f"{name} = {_in_one_line(given)}: {remedy}")
-
-
-def _in_one_line(given: Any) -> str:
-    return " ".join(shown(given).split())
+        raise ConfigurationError(f"{name} = {shown(given)}: {remedy}")
 
 
 def _shape_in_words(axes: Sequence[str | int] | None) -> str:

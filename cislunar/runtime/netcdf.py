@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from cislunar.errors import InputFileError
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.runtime.settings_words import shown
 
 _COMPRESSED_FROM = 1024
 _CHUNK_BYTES = 2**21
@@ -21,9 +22,13 @@ def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Varia
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: str | Path) -> Iterator[Path]:
     """A temporary name for a file that is moved into place once it is complete."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path = Path(path)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"path = {shown(path)}: give the path of a file") from None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -52,7 +57,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
     """Write a data set to NetCDF-4 under a temporary name, then move it into place. The folder is
     created if missing. Raises ValueError if a variable lacks `units` or `long_name`, and
     `InputFileError` if the folder cannot be written to."""
-    with whole_file(Path(path)) as temporary:
+    with whole_file(path) as temporary:
         _write(dataset, temporary, Path(path))
 
 
@@ -79,7 +84,7 @@ def growing_dataset(
     moved into place at the end. `sizes` has the lengths of dimensions that the data set lacks."""
     import netCDF4
 
-    with whole_file(Path(path)) as temporary:
+    with whole_file(path) as temporary:
         _write(dataset, temporary, Path(path))
         with netCDF4.Dataset(temporary, "a") as opened:
             for name in {dim for each in later.values() for dim in each.dims}:
@@ -112,7 +117,7 @@ def _room_for(opened: Any, name: str, each: Later) -> Any:
 def write_text(text: str, path: str | Path) -> None:
     """Write a text file, complete or not at all, creating its folder. Raises `InputFileError` if
     the folder cannot be written to."""
-    with whole_file(Path(path)) as temporary:
+    with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

@@ -34,7 +34,15 @@ def _without_docstring(schema: dict[str, Any]) -> None:
     schema.pop("description", None)
 
 
-class Section(BaseModel):
+class _Shown(type(BaseModel)):
+    """Settings classes whose help has the public names of their own."""
+
+    def __dir__(cls) -> list[str]:
+        others = {name for base in cls.__mro__[1:] for name in vars(base)}
+        return [name for name in super().__dir__() if name[0] != "_" and name not in others]
+
+
+class Section(BaseModel, metaclass=_Shown):
     """Settings that belong together; no other keys than the fields are allowed.
 
     In Python the fields are arguments in their order, and an impossible value raises a

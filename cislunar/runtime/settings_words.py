@@ -95,7 +95,7 @@ def _in_words(expression: str) -> str:
 
 def shown(value: Any) -> str:
     """A value as it stands in a message: on one line, and not too long."""
-    text = repr(value)
+    text = " ".join(line.strip() for line in repr(value).splitlines())
     return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
 
 

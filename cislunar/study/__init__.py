@@ -12,6 +12,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "results": ["StudyResult"],
     "settings": ["StudySettings", "study_settings"],
     "study": ["Study"],
-    "study_file": ["read_study", "run_study_file", "write_study"],
+    "study_file": ["read_study", "write_study"],
 })
 # fmt: on

@@ -117,7 +117,7 @@ def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[Study
         found = _of_file(what, Path(given), epoch, days)
     elif isinstance(given, OrbitSet):
         found = _members("", given)
-    elif isinstance(given, Iterable):
+    elif isinstance(given, Iterable) and not hasattr(given, "to_csv"):  # of a data frame
         named = isinstance(given, Mapping)
         numbered = ((f"{what} {number}", each) for number, each in enumerate(given, 1))
         pairs = given.items() if named else numbered

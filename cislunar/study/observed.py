@@ -97,10 +97,12 @@ def read_observations(
     of_target = {name: k for k, name in enumerate(targets)}
     elapsed = tdb_since(epoch_tdb, given["tdb"].to_numpy())
     rule = f"be one of the targets {', '.join(targets)}, in {', '.join(OBJECT_NAMES)}"
+    once = "differ from those of earlier rows of the same observer and target"
     for name, right, words in (
         ("stn", given["place"].isin(of_observer), f"be one of {', '.join(observers)}"),
         ("object", given["object"].isin(of_target), rule),
         ("obsTime", elapsed > 0.0, "be after the epoch"),
+        ("obsTime", ~given.duplicated(["place", "object", "tdb"]), once),
     ):
         require(given, name, right, words, fault, place)
     if given.empty:

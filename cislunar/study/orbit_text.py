@@ -86,16 +86,18 @@ def read_orbit(text: str, units: str = "km", remedy: str = "") -> Orbit:
     except ValueError:
         return _member(place, first, rest)
     numbers = [_number(place, part) for part in (first, *rest)]
-    if len(numbers) != 6 or not all(map(isfinite, numbers)):
+    if len(numbers) != 6:
         raise ConfigurationError(f"{place}: a state is six finite numbers x,y,z,vx,vy,vz")
     return Orbit(state_of(place, numbers, "km" if units == "km" else "", remedy), 0.0)
 
 
 def _number(place: str, part: str) -> float:
     try:
-        return float(part)
+        if isfinite(number := float(part)):
+            return number
     except ValueError:
-        raise ConfigurationError(f"{place}: {part!r} is not a number") from None
+        pass
+    raise ConfigurationError(f"{place}: {part!r} is not a number")
 
 
 def state_of(place: str, given: Any, unit: str, remedy: str = "") -> Any:
@@ -117,10 +119,11 @@ def state_of(place: str, given: Any, unit: str, remedy: str = "") -> Any:
 def _member(place: str, family: str, options: list[str]) -> Orbit:
     given = {}
     for option in options:
-        key, _, value = option.partition("=")
+        key, _, value = (part.strip() for part in option.partition("="))
         if key not in ("jacobi", "period", "member", "phase") or key in given:
             raise ConfigurationError(
-                f"{place}: {option!r} is not one of jacobi=, period=, member= and phase=, each once"
+                f"{place}: {option!r} is not one of jacobi=, period= (days), member= and phase=, "
+                "each once"
             )
         given[key] = _number(place, value)
     return member_of(place, family, given)

@@ -7,24 +7,51 @@ explains. A study states what differs from the defaults.
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
+from cislunar.campaign.settings.cell_tree import CellSettings, Recordable, Tasking
 from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.tree import Date, EphemerisSettings
 from cislunar.constants import EPOCH_JD
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.initial_sigma import InitialSigma
 from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
 from cislunar.observation.sensor import Sensor
-from cislunar.runtime.settings_fields import Count, Section, setting, whole
+from cislunar.runtime.settings_fields import (
+    Count,
+    Positive,
+    Section,
+    setting,
+    several,
+    whole,
+)
 from cislunar.tasking.settings import RECORDABLE, LoopSettings
 
 EstimatorName = Literal["mukf", "batch"]
+_LOOP = LoopSettings()
 
 # fmt: off
 
 
 class StudySettings(CellSettings):
-    """Settings of a study."""
+    """Settings of a study.
 
+    Times and uncertainties are by default those of `cislunar.tasking.settings.LoopSettings`, and
+    tasking is the optimal assignment. Brightness falls with the square of the distance, and tasking
+    assumes the sphere that is as bright as the body.
+    """
+
+    seeds: whole(ge=1, le=10_000) = setting("number of realizations of truth and noise", default=1)
+    duration_hours: Positive = setting("duration of the run", "h", default=_LOOP.duration_hours)
+    step_s: Positive = setting(
+        "time between measurements, and time step of filter and truth", "s", default=_LOOP.step_s)
+    record: several(Recordable) = setting(
+        "quantities besides those that results of a study always keep: `pointing`, `visibility` or "
+        "`observers`", default=list(RECORDABLE[:4]))
+    tasking: Tasking = Tasking(
+        method=_LOOP.method, max_evaluations=_LOOP.max_evaluations, early_stop=_LOOP.early_stop,
+        states=_LOOP.tasking.states)
+    sensor: Sensor = Sensor()
+    initial_sigma: InitialSigma = _LOOP.initial
+    body: BodySpec = BodySpec(ICOSAHEDRON)
     epoch: Date = setting(
         "epoch, UTC: ISO 8601 like 2024-10-01T00:00:00, or a Julian date", default=EPOCH_JD)
     kernel: str = setting(
@@ -35,29 +62,6 @@ class StudySettings(CellSettings):
     interval_minutes: Count = setting("tasking interval, a multiple of the step", "min", default=60)
     seed: whole(ge=0) = setting("seed of all random numbers", "1", default=1)
     # fmt: on
-
-
-def default_settings() -> dict[str, Any]:
-    """Settings of a study without any setting of its own.
-
-    Times and uncertainties are those of `cislunar.tasking.settings.LoopSettings`, and tasking is
-    the optimal assignment. Brightness falls with the square of the distance, and tasking assumes
-    the sphere that is as bright as the body.
-    """
-    loop = LoopSettings()
-    tasking = Tasking(method=loop.method, max_evaluations=loop.max_evaluations,
-                      early_stop=loop.early_stop, states=loop.tasking.states)  # fmt: skip
-    whole_run = StudySettings(
-        seeds=1,
-        duration_hours=loop.duration_hours,
-        step_s=loop.step_s,
-        tasking=tasking,
-        sensor=Sensor(),
-        initial_sigma=loop.initial,
-        body=BodySpec(ICOSAHEDRON),
-        record=list(RECORDABLE[:4]),
-    )
-    return whole_run.model_dump()
 
 
 def study_settings(given: Mapping[str, Any]) -> StudySettings:
@@ -79,12 +83,7 @@ def study_settings(given: Mapping[str, Any]) -> StudySettings:
         If a key is unknown, or a value cannot be used; the message has a line for each.
     """
     written = with_types(_written(given, StudySettings), StudySettings)
-    found = merged(default_settings(), written)
-    try:
-        chosen = typed(found, StudySettings)
-    except ConfigurationError as error:
-        words = str(error).replace("configuration key", "setting")
-        raise ConfigurationError(words) from None
+    chosen = typed(merged(StudySettings().model_dump(), written), StudySettings)
     # results need these, whatever else is kept
     record = list(dict.fromkeys([*RECORDABLE[:4], *chosen.record]))
     histories = list(dict.fromkeys(["errors", *chosen.histories]))

@@ -31,7 +31,7 @@ from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate, propagate_periodic
-from cislunar.errors import ConfigurationError
+from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.observation_files import observation_table
 from cislunar.observation.sensor import sensors_of
@@ -66,6 +66,13 @@ _NAMES = SettingNames(
 )
 """Names of settings in warnings."""
 
+
+_WORDS = {
+    "configuration key ": "setting ",
+    "task2.": "",
+    "epoch_jd or duration_days": "epoch or duration_hours",
+}
+"""Words of the campaign, and those of a study."""
 
 _SAMPLES = 721
 """Points of the path of an orbit in a figure."""
@@ -118,6 +125,7 @@ class Study:
 
     def __init__(
         self,
+        /,
         observers: Any,
         targets: Any,
         epoch: Any = None,
@@ -130,16 +138,18 @@ class Study:
         require_kind("light_time", light_time, bool, "give True or False")
         if observations is not None:
             given = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}} | given
-        chosen = study_settings(given)
-        days = chosen.duration_hours / 24.0
-        start = epoch_at(chosen.epoch, chosen.kernel)
-        self.observers: list[StudyObject] = read_objects("observer", observers, start, days)
-        self.targets: list[StudyObject] = read_objects("target", targets, start, days)
-        self.settings: StudySettings = self._with_sensors(chosen)
+        self.observers: list[StudyObject] = []
+        with self._own_words():
+            chosen = study_settings(given)
+            days = chosen.duration_hours / 24.0
+            start = epoch_at(chosen.epoch, chosen.kernel)
+            self.observers = read_objects("observer", observers, start, days)
+            self.targets: list[StudyObject] = read_objects("target", targets, start, days)
+            self.settings: StudySettings = self._with_sensors(chosen)
+            self._check()
         self.observations: pd.DataFrame | None = None
         self._observed: Observed | None = None
         self._light_time = light_time
-        self._check()
         if observations is not None:
             sensors = sensors_of(self._loop(self._inputs())[1].sensor, self.n_observers)
             names = self.observer_names, [each.name for each in self.targets], sensors
@@ -199,17 +209,27 @@ class Study:
         if twice:
             name = min(twice)
             raise ConfigurationError(f"stations: {name!r} is an observer already; rename one")
-        try:
-            cell = typed(self._kept, CellSettings)
-            require_consistent("", cell, own.interval_minutes, self._days, "interval_minutes")
-            check_cell(self._cell, cell, len(self.targets))
-            # targets, sensors and settings of the loop, which nothing else checks before a run
-            self._loop(self._inputs())
-        except ConfigurationError as error:
-            raise ConfigurationError(_own_words(str(error))) from None
+        cell = typed(self._kept, CellSettings)
+        require_consistent("", cell, own.interval_minutes, self._days, "interval_minutes")
+        check_cell(self._cell, cell, len(self.targets))
+        # targets, sensors and settings of the loop, which nothing else checks before a run
+        self._loop(self._inputs())
         if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
             with shown():
                 logger.warning("warning: %s", shortened)
+
+    @contextmanager
+    def _own_words(self) -> Iterator[None]:
+        """Errors of the campaign with the keys of a study."""
+        try:
+            yield
+        except CislunarError as error:
+            message, own = str(error), dict(_WORDS)
+            for number, each in enumerate(self.observers):
+                own[f"sensors.observer-{number}."] = f"observers.{each.name}."
+            for old, new in own.items():
+                message = message.replace(old, new)
+            raise type(error)(message) from None
 
     @property
     def _days(self) -> float:
@@ -319,7 +339,7 @@ class Study:
         count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
         inputs, kept = self._inputs(), {**self._kept, "seeds": count}
         own = self.settings
-        with _shown(kept, self.settings.estimator):
+        with self._own_words(), _shown(kept, self.settings.estimator):
             found = cell_dataset(
                 self._cell,
                 inputs,
@@ -382,8 +402,3 @@ def _orbits(objects: list[StudyObject], dim: str) -> xr.Dataset:
     given = TargetStates(name, family, np.array(state), np.array(period))
     units = {"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S}
     return objects_dataset(dim, given).assign_attrs(units)
-
-
-def _own_words(message: str) -> str:
-    """A message of the campaign with the keys of a study."""
-    return message.replace("configuration key ", "setting ").replace("task2.", "")

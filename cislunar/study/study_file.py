@@ -13,6 +13,22 @@ from cislunar.study.results import StudyResult
 from cislunar.study.study import Study
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses keys that occur twice, of which YAML would keep one, and leaves dates as text."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        earlier = set()
+        for key, _ in node.value:
+            if key.value in earlier:
+                line = key.start_mark.line + 1
+                raise ConfigurationError(f"line {line}: {key.value} occurs twice; rename one")
+            earlier.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_scalar)
+
+
 def read_study(path: str | Path) -> Study:
     """Read a study from a YAML file.
 
@@ -32,9 +48,11 @@ def read_study(path: str | Path) -> Study:
         If the file cannot be read, or for the reasons of `cislunar.Study`.
     """
     try:
-        given: Any = yaml.safe_load(read_text(path, "a study in YAML"))
+        given: Any = yaml.load(read_text(path, "a study in YAML"), _Loader)
     except yaml.YAMLError as error:
         raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
+    except ConfigurationError as error:
+        raise InputFileError(f"{path}, {error}") from error
     if not isinstance(given, dict):
         raise ConfigurationError(
             f"{path}: a study is a mapping with the keys observers, targets and settings"
@@ -52,28 +70,6 @@ def read_study(path: str | Path) -> Study:
         raise type(error)("\n".join(f"{path}: {line}" for line in lines)) from error
 
 
-def run_study_file(path: str | Path, folder: str | Path, seeds: int | None = None) -> StudyResult:
-    """Run a study of a file, and write its results.
-
-    Parameters
-    ----------
-    path : str or Path
-        The study, see `read_study`.
-    folder : str or Path
-        Folder of the results, created if missing: ``study.nc`` (the data set of a cell),
-        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm`` and figures.
-    seeds : int, optional
-        Number of realizations, in place of that of the file.
-
-    Returns
-    -------
-    StudyResult
-    """
-    result = read_study(path).run(seeds)
-    write_study(result, folder)
-    return result
-
-
 def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     """Write the results of a study.
 
@@ -81,7 +77,8 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     ----------
     result : StudyResult
     folder : str or Path
-        Folder of the files that `run_study_file` names, created if missing.
+        Folder of the files, created if missing: ``study.nc`` (the data set of a cell),
+        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm`` and figures.
 
     Returns
     -------

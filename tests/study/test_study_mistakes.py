@@ -1,12 +1,19 @@
 """Mistakes around a study, in Python, YAML and the command: each is one line that names it."""
 
+import datetime
+import inspect
+import math
+import pydoc
+
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 import cislunar as cs
 from cislunar.command.main import cislunar
 from cislunar.errors import CislunarError
+from cislunar.study.settings import StudySettings
 
 EYE, OBSERVER = {"eye": "Halo_L2_S,period=6.56"}, {"family": "Halo_L2_S", "period_days": 6.56}
 TARGET = {"a": "Lyap_L2,period=15"}
@@ -95,6 +102,54 @@ MISTAKES = {
         "'eye' is an observer already",
     ),
     "seeds of a run": (lambda: studied().run(seeds=[1]), "seeds = [1] must be a whole number"),
+    "family spread too far": (target(family="Halo_L2_S", count=10**9), "at most 10,000"),
+    "a text count": (target(family="Halo_L2_S", count="2"), "count = '2' must be a whole number"),
+    "NaN as phase": (
+        lambda: studied({"e": "Halo_L2_S,period=6.56,phase=nan"}),
+        "'nan' is not a number",
+    ),
+    "days of a text orbit": (
+        lambda: studied({"e": "Halo_L2_S,period_days=6.56"}),
+        "is not one of jacobi=, period= (days)",
+    ),
+    "a data frame": (
+        lambda: studied(EYE, pd.DataFrame({"x": [1.1]})),
+        "targets = x 0  1.1: give a mapping of names",
+    ),
+    "no center": (
+        target(icrf_km=[4e5, 0, 0, 0, 1, 0], center=None),
+        "target 'a': center 'NONE' is unknown: use one of EARTH, MOON, EARTH BARYCENTER",
+    ),
+    "meters in the ICRF": (target(icrf_km=[4e8, 0, 0, 0, 1e3, 0]), "taken in km"),
+    "m/s as km/s": (target(state_km=[4e5, 0, -6e4, 0, 100, 0]), "taken in km/s"),
+    "infinite rate": (target(**STATE, angular_velocity_deg_h=[math.inf, 0, 0]), "is not finite"),
+    "sensor of an observer": (
+        lambda: studied({"e": OBSERVER | {"sensor": {"angle_noise_arcsec": -3}}}),
+        "'observers.e.sensor.angle_noise_arcsec' = -3: must be a number above 0",
+    ),
+    "sensor of no mapping": (
+        lambda: studied({"e": OBSERVER | {"sensor": "x"}}),
+        "'observers.e.sensor' = 'x': must be a mapping",
+    ),
+    "sensors of no observer": (
+        setting(sensors={"g": {"observers": [5], "sensor": {}}}),
+        "'sensors.g.observers': 5 is none of the observers",
+    ),
+    "a date in digits": (lambda: studied(EYE, TARGET, 20240101), "change epoch or duration_hours"),
+    "a modified Julian date": (lambda: studied(EYE, TARGET, 60_000.5), "must be a Julian date"),
+    "no time": (lambda: studied(EYE, TARGET, pd.NaT), "'NaT' is not a date"),
+    "another time scale": (lambda: studied(EYE, TARGET, "2027-03-01 TDB"), "is not a date"),
+    "text of a section": (setting(dynamics="ephemeris"), "'dynamics' = 'ephemeris': must be a"),
+    "nested setting": (setting(batch={"mode": 3}), "'batch.mode': did you mean 'modes'"),
+    "negative radiation": (
+        setting(dynamics={"srp": {"area_to_mass": -1}}),
+        "'dynamics.srp.area_to_mass' = -1: must be a number at least 0",
+    ),
+    "campaign's name": (lambda: cs.Study(EYE, TARGET, **{"self": 3}), "unknown setting 'self'"),
+    "realizations of a run": (
+        lambda: studied().run(seeds=10**6),
+        "setting 'seeds' = 1000000: must be a whole number at least 1 and at most 10,000",
+    ),
     "observations of nothing": (setting(observations=3), "observations: give a table"),
     "missing observations": (setting(observations="none.csv"), "none.csv: no readable table"),
 }
@@ -111,6 +166,7 @@ def test_a_mistake_in_python_is_one_line(name):
     assert "task2" not in message
 
 
+FILE = "observers: {e: 'Halo_L2_S,period=6.56'}\ntargets: {a: 'Lyap_L2,period=15'}\n"
 OBSERVATION = {
     "obsTime": "2027-03-01T00:30:00",
     "stn": "EYE",
@@ -132,11 +188,15 @@ OBSERVATION = {
         ({"dec": 95.0}, "row 1: dec = 95.0 must be a number between -90 and 90"),
         ({"mag": None}, "row 1: mag = None must be a finite number"),
         ({"rmsDec": 0.0}, "row 1: rmsDec = 0.0 must be a positive number"),
+        ({"ra": "12h30m"}, "row 1: ra = 12h30m must be a finite number"),
+        ({"obsTime": NAN}, "row 1: obsTime = nan must be given"),
+        ({"obsTime": "2027-03-01T00:30:00+02:00"}, "no time zone"),
+        ({"obsTime": "2027-03-01T00:15:00"}, "row 2: obsTime = 2027-03-01T00:15:00 must differ"),
     ],
 )
 def test_a_mistake_in_observations_is_one_line(change, words):
-    pd = pytest.importorskip("pandas")
-    table = pd.DataFrame([OBSERVATION | change], dtype=object)
+    earlier = OBSERVATION | {"obsTime": "2027-03-01T00:15:00"}
+    table = pd.DataFrame([OBSERVATION | change, earlier], dtype=object)
     with pytest.raises(CislunarError) as caught:
         studied(EYE, TARGET, "2027-03-01", observations=table, dynamics={"truth": "cr3bp"})
     assert words in str(caught.value)
@@ -155,6 +215,13 @@ def test_a_mistake_in_observations_is_one_line(change, words):
         ("observers: {e: 'Halo_L2_S,period=6.56'}\ntargets: {a: b}", "orbit 'b'"),
         ("observers: {e: 'Halo_L2_S,period=x'}\ntargets: {a: b}", "'x' is not a number"),
         ("observers: &o {e: *o}\ntargets: {}", "error"),
+        ("observers: {e: x, e: y}\ntargets: {}", "study.yaml, line 1: e occurs twice; rename one"),
+        (f"{FILE}observers: {{}}", "line 3: observers occurs twice"),
+        (f"{FILE}epoch: 2027-13-01", "setting 'epoch' = '2027-13-01': '2027-13-01' is not a date"),
+        (f"{FILE}duration_hours: 1e1", "setting 'duration_hours' = '1e1': must be a number"),
+        (f"{FILE}self: 1", "unknown setting 'self'"),
+        (f"{FILE}sensor: !!python/object:os.system {{}}", "no YAML (could not determine"),
+        ("observers: {no: 'Halo_L2_S,period=6.56'}\ntargets: {}", "False is no name"),
     ],
 )
 def test_a_mistake_in_a_file_is_one_line(tmp_path, text, words):
@@ -182,7 +249,54 @@ def test_a_shortened_interval_is_announced(caplog):
 
 def test_a_file_is_checked_without_a_run(tmp_path):
     path = tmp_path / "own.yaml"
-    path.write_text("observers: {a: 'Halo_L2_S,period=6.56'}\ntargets: {b: 'Lyap_L2,period=15'}\n")
+    path.write_text(FILE)
     done = CliRunner().invoke(cislunar, ["study", str(path), "--check"])
     assert done.exit_code == 0
     assert done.output.startswith("Study of 1 targets by 1 observers")
+
+
+def test_a_folder_that_cannot_be_written_to_is_found_before_a_run(tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text(FILE)
+    done = CliRunner().invoke(cislunar, ["study", str(path), "--output", str(path)])
+    assert done.exit_code == 2
+    last = done.output.strip().splitlines()[-1]
+    assert last == f"error: --output {path}: File exists; give a folder that can be written to"
+
+
+@pytest.mark.parametrize(
+    "date",
+    [
+        "2027-03-01 06:00",
+        "2027-03-01T08:00:00+02:00",
+        datetime.datetime(2027, 3, 1, 6),
+        np.datetime64("2027-03-01T06:00", "ns"),
+        pd.Timestamp("2027-03-01T06:00", tz="UTC"),
+    ],
+    ids=str,
+)
+def test_dates_of_python_are_in_utc(date):
+    assert studied(EYE, TARGET, date).settings.epoch == 2461465.75
+
+
+def test_observations_may_have_dates_of_pandas():
+    table = pd.DataFrame([OBSERVATION]).astype({"obsTime": "datetime64[ns]"})
+    for dates in (table["obsTime"], table["obsTime"].dt.tz_localize("UTC")):
+        given = {"observations": table.assign(obsTime=dates), "dynamics": {"truth": "cr3bp"}}
+        study = studied(EYE, TARGET, "2027-03-01", **given)
+        assert study._observed.elapsed_s == pytest.approx([1800.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", cs.__all__)
+def test_help_shows_public_names_only(name):
+    lines = pydoc.render_doc(getattr(cs, name), renderer=pydoc.plaintext).splitlines()
+    usual = {"__dict__", "__init__", "__repr__", "__weakref__"}
+    own = {line[4:].split("(")[0].split(" =")[0] for line in lines if line.startswith(" |  __")}
+    assert own <= usual and not any("pydantic_" in line for line in lines)
+
+
+def test_help_states_the_defaults_of_a_study():
+    chosen = studied().settings
+    shown = inspect.signature(StudySettings).parameters
+    for key in ("seeds", "duration_hours", "step_s", "tasking", "sensor", "initial_sigma", "body"):
+        assert shown[key].default == getattr(chosen, key)

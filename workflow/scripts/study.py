@@ -7,7 +7,7 @@ in_worker()
 from pathlib import Path
 
 from cislunar.runtime.job import job
-from cislunar.study.study_file import run_study_file
+from cislunar.study.study_file import read_study, write_study
 
 with job(snakemake.log, snakemake.threads):
-    run_study_file(snakemake.input[0], Path(snakemake.output.cell).parent)
+    write_study(read_study(snakemake.input[0]).run(), Path(snakemake.output.cell).parent)

@@ -6,7 +6,6 @@ states it. The schema for editors, the tables of ``config/README.md`` and every 
 these classes.
 """
 
-import datetime
 import re
 from typing import Annotated, Any, Literal
 
@@ -17,6 +16,7 @@ from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.cells import FIRST
 from cislunar.ephemeris.time_scales import julian_date
 from cislunar.orbits.extent import KeepOut
+from cislunar.quantities import date_of
 from cislunar.runtime.settings_fields import (
     Count,
     Flag,
@@ -47,10 +47,7 @@ FIRST_JD = 2_441_317.5
 
 
 def _julian(value: Any) -> Any:
-    # YAML makes a date of one that is not quoted
-    if isinstance(value, datetime.datetime) and value.tzinfo:
-        value = value.astimezone(datetime.UTC).replace(tzinfo=None)
-    text = value.isoformat() if isinstance(value, datetime.date) else value
+    text = date_of(value)  # YAML makes a date of one that is not quoted
     found = julian_date(text) if isinstance(text, str) else text
     if isinstance(found, bool) or not isinstance(found, int | float) or not found >= FIRST_JD:
         raise ValueError(

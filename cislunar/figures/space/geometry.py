@@ -56,7 +56,9 @@ def geometry_figure(
     label = next(iter(targets)) if len(targets) == 1 else f"targets ({len(targets)})"
     handles.append(Line2D([], [], color=_TARGET, linewidth=0.6, marker="o", markersize=2.5,
                           label=label))  # fmt: skip
-    legend_below(figure, [*handles, *earth_moon.body_handles()], 0.06, min(len(handles) + 2, 6))
+    drawn = space.get_legend_handles_labels()[1]
+    handles += [each for each in earth_moon.body_handles() if each.get_label() in drawn]
+    legend_below(figure, handles, 0.06, min(len(handles), 6))
     return figure
 
 
