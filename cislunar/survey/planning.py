@@ -16,7 +16,8 @@ covariance P (Cover & Thomas 2006, Elements of Information Theory, section 9.4),
 which is large for an orbit whose range is undetermined if a second observer measures it, and small
 if the same observer does. Observers choose one after the other. Each choice lowers the weights of
 the particles in the field and the covariances of the orbits in it, so that another observer takes
-the same field only for what is left. The observer that begins changes from block to block.
+the same field only for what is left. The observer that begins changes from block to block. If the
+search ends before the survey (`SearchSettings.search_days`), the first sum is then left out.
 """
 
 from typing import NamedTuple
@@ -24,13 +25,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
 from cislunar.observation import Scene, SensorLimits
 from cislunar.runtime.settings_fields import require_multiple
 from cislunar.survey.fields import FieldGrid, Views, unit_vectors, views
-from cislunar.survey.settings import STARING, SWEEP, SearchSettings
+from cislunar.survey.settings import DENSITY, STARING, SWEEP, SearchSettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -145,10 +147,11 @@ class SearchPlanner:
         known_fields, known_probability : ndarray, shape (observer, orbit, draw)
             The same for the samples of the known orbits.
         """
-        n = len(self.grids)
+        n, last = len(self.grids), self.settings.search_days
         chosen: list[Indices] = [np.empty(0, dtype=np.int64)] * n
-        strategy = self.settings.strategy
-        left, covariance = weight.copy(), known.covariance.copy()
+        strategy, left, covariance = self.settings.strategy, weight.copy(), known.covariance.copy()
+        if last is not None and index * self.scene.step_s > last * SECONDS_PER_DAY:
+            strategy, left = DENSITY, np.zeros_like(weight)
         for turn in range(n):
             o = (turn + self._block) % n
             if strategy == SWEEP:

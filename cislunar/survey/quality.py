@@ -72,6 +72,10 @@ class CatalogState(NamedTuple):
         `QualitySettings.right_km`; 6 if consistent.
     nees_ballistic, nees_now_ballistic : float
         The same for the objects that have not maneuvered so far.
+    error_known_km : float
+        Geometric mean over the known objects (`QualitySettings.known_days`) of the position error
+        of their confirmed orbit now. An object without such an orbit, or with a larger error,
+        counts with `QualitySettings.right_km`, so that losing objects does not lower the mean.
     """
 
     day: float
@@ -99,6 +103,7 @@ class CatalogState(NamedTuple):
     nees_now: float
     nees_ballistic: float
     nees_now_ballistic: float
+    error_known_km: float
 
 
 def orbit_table(
@@ -180,6 +185,12 @@ def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) 
     return count
 
 
+def right_objects(table: pd.DataFrame, settings: QualitySettings) -> Indices:
+    """Objects that have a right confirmed orbit in a table (`orbit_table`), in increasing order."""
+    real = table[table["confirmed"] & (table["object"] != FALSE_ALARM)]
+    return np.unique(real.loc[real["error_km"] <= settings.right_km, "object"].to_numpy(np.int64))
+
+
 def catalog_state(
     table: pd.DataFrame,
     origin: ArrayLike,
@@ -187,6 +198,7 @@ def catalog_state(
     settings: QualitySettings,
     outside: ArrayLike | None = None,
     maneuvered: ArrayLike | None = None,
+    known: ArrayLike = (),
 ) -> CatalogState:
     """Quality of the orbits of a table.
 
@@ -203,14 +215,15 @@ def catalog_state(
         Which objects are on no orbit of the families; none if omitted.
     maneuvered : array_like of bool, shape (object,), optional
         Which objects have maneuvered so far; none if omitted.
+    known : array_like of int, shape (known,)
+        Objects that have been known for `QualitySettings.known_days`.
     """
     given, n = np.asarray(origin), tracklets.size
     findable = tracklets >= settings.findable_tracklets
     chosen = table[table["confirmed"]]
     real = chosen[chosen["object"] != FALSE_ALARM]
     small = (real["error_km"] <= settings.right_km).to_numpy()
-    owner = real["object"].to_numpy(dtype=np.int64)
-    right = np.unique(owner[small])
+    right = right_objects(table, settings)
     linked = table.loc[table["object"] != FALSE_ALARM, "object"].to_numpy(dtype=np.int64)
     good = real[small]
     total = int(chosen["detections"].sum())
@@ -229,6 +242,8 @@ def catalog_state(
     kept = np.isin(np.arange(n), near["object"].to_numpy(dtype=np.int64))
     present = real[(real["now_km"] <= settings.right_km).to_numpy()]
     shares = [completeness(group) for group in (everything, ~beyond, beyond)]
+    error = real.groupby("object")["now_km"].min().reindex(np.asarray(known, dtype=np.int64))
+    error = error.fillna(np.inf).clip(upper=settings.right_km)
 
     return CatalogState(
         day=float(table["day"].iloc[0]) if len(table) else float("nan"),
@@ -258,6 +273,7 @@ def catalog_state(
         nees_now_ballistic=_mean(
             present["now_nees"][~moved[present["object"].to_numpy(dtype=np.int64)]]
         ),
+        error_known_km=float(np.exp(_mean(np.log(error)))),
     )
 
 

@@ -73,6 +73,9 @@ class SearchSettings(Section):
     strategy: Literal["density", "uniform-sweep", "fixed-staring"] = setting(
         "choice of fields: by `density` and information, a `uniform-sweep` over the sky, or "
         "`fixed-staring` at the libration points L1 and L2", default=DENSITY)
+    search_days: Positive | None = setting(
+        "time from which on plans follow known orbits alone; null: they search to the end", "day",
+        default=None)
     block_minutes: Positive = setting("time that a plan covers", "min", default=20)
     visits: Count = setting("exposures of a field in a block", "1", default=2)
     detection_weight: number(gt=0, le=1) = setting(
@@ -120,6 +123,9 @@ class QualitySettings(Section):
         default=10)
     findable_tracklets: Count = setting(
         "tracklets from which on an object is findable", "1", default=3)
+    known_days: Positive = setting(
+        "time since when an object has had a right confirmed orbit, from which on it is known, "
+        "even if it has been lost since", "day", default=1)
 
     # fmt: on
 

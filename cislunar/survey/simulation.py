@@ -43,6 +43,7 @@ from cislunar.survey.quality import (
     CatalogState,
     catalog_state,
     orbit_table,
+    right_objects,
     true_tracklets,
 )
 from cislunar.survey.results import BlockRecord, SurveyResult
@@ -236,6 +237,7 @@ class _Survey:
         self.draws = np.concatenate([self.draws, -self.draws])
         self.states: list[dict] = []
         self.orbits: list[pd.DataFrame] = []
+        self.right: list[tuple[float, Indices]] = []
         self.n_exposures = 0
         self.cataloged = np.full(ids.size, np.inf)
         self.tracklets = np.zeros(ids.size, dtype=np.int64)
@@ -333,6 +335,10 @@ class _Survey:
         origin = np.concatenate(self.origin)
         table = orbit_table(orbits, angles, origin, self.world.path(), scene.step, day, self.forces)
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
+        right = right_objects(table, self.settings.quality)
+        self.right.append((day, right))
+        since = day - self.settings.quality.known_days + 1e-9
+        known = [each for when, each in self.right if when <= since]
         quality: CatalogState = catalog_state(
             table,
             origin,
@@ -340,6 +346,7 @@ class _Survey:
             self.settings.quality,
             self.outside,
             self.world.maneuvered(3600.0 * 24.0 * day),
+            known[-1] if known else (),
         )
         self.states.append(
             {**quality._asdict(), "day": day, "undetected": self.density.expected,
@@ -347,11 +354,6 @@ class _Survey:
              "false_alarms": int(np.count_nonzero(origin == FALSE_ALARM))}
         )  # fmt: skip
         self.orbits.append(table)
-        right = table[
-            table["confirmed"]
-            & (table["object"] != FALSE_ALARM)
-            & (table["error_km"] <= self.settings.quality.right_km)
-        ]["object"].to_numpy(dtype=np.int64)
         holds = np.isin(np.arange(self.cataloged.size), right)
         self.cataloged = np.where(holds, np.minimum(self.cataloged, day), np.inf)
 

@@ -26,7 +26,7 @@ from cislunar.dynamics import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.figures.survey import catalog_figure
-from cislunar.survey import SurveyResult
+from cislunar.survey import SearchSettings, SurveyResult
 
 POINTS = [[0.85, 0.05, 0.0], [1.1, 0.0, 0.02]]
 SMALL = {
@@ -188,6 +188,23 @@ def test_the_table_has_means_over_realizations(found):
     assert len(figure.axes) == 4
     names = [each.get_text() for each in figure.axes[0].get_yticklabels()]
     assert names == ["usual, 0.125 d", "ephemeris, 0.125 d"]
+
+
+def test_the_cost_of_the_search_is_that_over_the_survey_that_ends_it(found):
+    surveys, rows = found
+    stopped = surveys["usual"].model_copy(update={"search": SearchSettings(search_days=0.1)})
+    errors = {"usual": (3.0, 4.4), "stopped": (2.0, 4.0), "ephemeris": (5.0,)}
+    rows = {
+        name: [
+            own.assign(error_known_km=value)
+            for own, value in zip(rows.get(name, rows["usual"]), values, strict=True)
+        ]
+        for name, values in errors.items()
+    }
+    table = catalog_rows(surveys | {"stopped": stopped}, rows, 3.0)
+    cost = table[table["quantity"] == "search_cost"]
+    assert cost["survey"].tolist() == ["usual"] and cost["seeds"].tolist() == [2]
+    assert cost["mean"].item() == pytest.approx((0.5 + 0.1) / 2)
 
 
 def test_rows_are_those_of_the_days_and_of_the_end():

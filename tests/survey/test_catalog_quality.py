@@ -30,7 +30,7 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     found = catalog_state(
         table, origin, np.array([3, 3, 4, 3, 2, 5]), QualitySettings(),
         outside=np.array([False, True, True, False, False, True]),
-        maneuvered=np.array([False, True, False, False, False, False]),
+        maneuvered=np.array([False, True, False, False, False, False]), known=[0, 1, 2, 3],
     )  # fmt: skip
     assert (found.objects, found.detected, found.findable, found.confirmed) == (6, 5, 5, 6)
     assert (found.right, found.wrong, found.false, found.duplicate, found.candidates) == (
@@ -45,3 +45,7 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     assert found.nees == pytest.approx(np.mean([4.0, 8.0, 6000.0, 6.0]))
     assert found.nees_ballistic == pytest.approx(6.0)
     assert found.nees_now_ballistic == pytest.approx(np.mean([6.0, 10.0, 6.0]))
+    # object 2 is farther from its orbit than a right one, and that of object 3 is not confirmed
+    assert found.error_known_km == pytest.approx((5.0 * 40.0 * 500.0 * 500.0) ** 0.25)
+    unknown = catalog_state(table, origin, np.zeros(6, dtype=int), QualitySettings())
+    assert np.isnan(unknown.error_known_km)

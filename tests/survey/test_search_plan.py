@@ -166,6 +166,13 @@ def test_a_second_observer_is_worth_more_than_the_same_again():
     )
     plan = planned(without, weight, fields, np.full((3, 2), 0.8), known, own)
     assert np.isin(plan.field, [7, 8]).all()
+    # at 10 steps of a minute, after the search
+    settings = settings.model_copy(update={"search_days": 9.9 / 1440.0})
+    for strategy in ("density", "uniform-sweep", "fixed-staring"):
+        settings = settings.model_copy(update={"strategy": strategy})
+        planner = SearchPlanner(settings, SCENE, LIMITS)
+        plan = planned(planner, weight, fields, np.full((3, 2), 0.8), known, own)
+        assert plan.field.tolist() == own[0][plan.observer, 0, 0].tolist() and plan.field.size == 6
 
 
 def test_baselines_sweep_the_clear_sky_and_stare_at_the_libration_points():

@@ -80,6 +80,25 @@ def test_a_survey_is_repeatable(result):
     assert again.states.equals(result.states) and again.orbits.equals(result.orbits)
 
 
+def test_a_search_may_end_before_the_survey():
+    """Nothing differs before; afterwards fields without a known orbit are no longer visited."""
+    blocks, ends = [], []
+    for search in ({}, {"search_days": 4 / 24}):
+        blocks.append([])
+        change = {"search": SearchSettings(**search), "quality": {"known_days": 2 / 24}}
+        settings = SurveySettings(**SETTINGS.model_dump() | change)
+        ends.append(surveyed(settings=settings, record=blocks[-1].append).states)
+    searching, stopped = ([each.exposures.step.size for each in own] for own in blocks)
+    assert searching[:12] == stopped[:12] and sum(stopped[12:]) < 0.5 * sum(searching[12:])
+    assert ends[0][:2].equals(ends[1][:2])
+    errors = [each["error_known_km"].tolist() for each in ends]
+    assert (
+        np.isnan(errors[0][0])
+        and errors[0][2] != errors[1][2]
+        and max(each[2] for each in errors) < 50.0
+    )
+
+
 def test_plans_do_not_depend_on_the_truth(monkeypatch):
     """Without a detection, two truths that have nothing in common give the same plans; the first
     detection makes them differ."""

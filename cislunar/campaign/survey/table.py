@@ -14,11 +14,14 @@ QUANTITIES = (
     "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
     "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "nees_ballistic",
-    "nees_now_ballistic", "median_error_km", "hours_to_catalog", "undetected",
+    "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost", "hours_to_catalog",
+    "undetected",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
 findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
-confirmed ones."""
+confirmed ones. `search_cost`: increase of `error_known_km` over that of the same realization of a
+survey with the same settings that stops searching (`search.search_days`), as a share of the
+latter."""
 
 _PLACE = (
     "survey", "scenario", "architecture", "targets", "outside_families", "dynamics", "prior",
@@ -65,6 +68,10 @@ def catalog_rows(
     for name, survey in surveys.items():
         place = _described(name, survey, field_of_view_deg)
         found = pd.concat(realizations[name], ignore_index=True)
+        for other, stopped in surveys.items():
+            if stopped != survey and _searching(stopped) == survey:
+                alone = pd.concat(realizations[other], ignore_index=True)["error_known_km"]
+                found["search_cost"] = found["error_known_km"] / alone - 1.0
         found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
         confirmed = found["confirmed"].where(found["confirmed"] > 0)
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
@@ -84,6 +91,12 @@ def catalog_rows(
                      "largest": values.max(), "seeds": values.size}
                 )  # fmt: skip
     return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
+
+
+def _searching(survey: StatedSurvey) -> StatedSurvey:
+    """The survey that searches to its end, and is otherwise the same."""
+    search = survey.search.model_copy(update={"search_days": None})
+    return survey.model_copy(update={"search": search})
 
 
 def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dict[str, object]:
