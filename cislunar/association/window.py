@@ -162,19 +162,20 @@ def updated(
 
 def clusters(track: Indices, detection: Indices) -> list[tuple[list[int], list[int]]]:
     """Rows of pairs that share tracks or detections, by the first row; and their tracks."""
-    owner: dict[tuple[str, int], int] = {}
+    home, owner = list(range(track.size)), {}
+
+    def root(row: int) -> int:
+        while home[row] != row:
+            home[row] = row = home[home[row]]
+        return row
+
+    for row, keys in enumerate(zip(track.tolist(), detection.tolist(), strict=True)):
+        for key in enumerate(keys):
+            first, second = sorted((root(row), root(owner.setdefault(key, row))))
+            home[second] = first
     members: dict[int, list[int]] = {}
-    for row, (t, d) in enumerate(zip(track.tolist(), detection.tolist(), strict=True)):
-        found = sorted({owner[key] for key in (("t", t), ("d", d)) if key in owner})
-        home = found[0] if found else row
-        members.setdefault(home, []).append(row)
-        for other in found[1:]:
-            members[home] += members.pop(other)
-            for key, value in owner.items():
-                if value == other:
-                    owner[key] = home
-        owner["t", t] = owner["d", d] = home
+    for row in range(track.size):
+        members.setdefault(root(row), []).append(row)
     return [
-        (sorted(rows), sorted({int(track[row]) for row in rows}))
-        for _, rows in sorted(members.items())
+        (rows, sorted({int(track[row]) for row in rows})) for _, rows in sorted(members.items())
     ]

@@ -104,9 +104,13 @@ def tangent_basis(direction: ArrayLike) -> Array:
         At a pole, right ascension is taken as zero.
     """
     unit = np.asarray(direction, dtype=float)
-    ra = np.arctan2(unit[..., 1], unit[..., 0])
-    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=-1)
-    return np.stack([east, np.cross(unit, east)], axis=-2)
+    x, y, z = unit[..., 0], unit[..., 1], unit[..., 2]
+    ra = np.arctan2(y, x)
+    s, c = np.sin(ra), np.cos(ra)
+    out = np.zeros((*unit.shape[:-1], 2, 3))
+    out[..., 0, 0], out[..., 0, 1] = -s, c
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = -z * c, -z * s, x * c + y * s
+    return out
 
 
 def make_angles(

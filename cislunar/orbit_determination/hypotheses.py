@@ -50,6 +50,9 @@ class LinkHypotheses:
         self.scores: list[float] = []
         self.index: dict[tuple[int, ...], int] = {}
         self.by_row: dict[int, list[int]] = {}
+        self._best: dict[tuple[tuple[int, ...], tuple[float, ...]], ArrayLike] = {}
+        self._begin = np.cumsum([0, *(each.size for each in tracklets.detections)])[:-1]
+        self._rows = np.concatenate([np.empty(0, dtype=np.int64), *tracklets.detections])
         self.empty = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
 
     def add(self, orbits: OrbitHypotheses) -> None:
@@ -90,10 +93,23 @@ class LinkHypotheses:
         found: list[int] = []
         for rows, _ in clusters(number, np.concatenate(sets)):
             own = np.unique(number[rows])
-            score = np.array([self.scores[k] for k in own])
-            best = set_packing(own, [sets[k] for k in own], score) if own.size > 1 else [0]
-            found += own[best].tolist()
+            score = [self.scores[k] for k in own]
+            key = tuple(own.tolist()), tuple(score)
+            if key not in self._best:
+                alone = own.size == 1
+                self._best[key] = (
+                    [0] if alone else set_packing(own, [sets[k] for k in own], np.array(score))
+                )
+            found += own[self._best[key]].tolist()
         return sorted(found)
+
+    def disjoint(self, orbits: list[tuple[int, ...]]) -> NDArray[np.bool_]:
+        """Which tracklets share no detection with orbits that have these tracklets."""
+        used = np.zeros(self.data[0].time.size, dtype=bool)
+        for members in orbits:
+            for t in members:
+                used[self.data[1].detections[t]] = True
+        return ~np.logical_or.reduceat(used[self._rows], self._begin)
 
     def joint_members(self, a: int, b: int) -> tuple[int, ...]:
         """Tracklets of two hypotheses, as a key of `index`."""
@@ -104,14 +120,14 @@ class LinkHypotheses:
         found = {m for row in self.fits[k].row.tolist() for m in self.by_row[row]}
         return sorted(found - {k})
 
-    def alternative_to(self, k: int, selected: list[int]) -> tuple[float, list[int]]:
+    def alternative_to(self, k: int, taken: NDArray[np.bool_]) -> tuple[float, list[int]]:
         """Best sum of scores of other orbits that use detections of a selected one, and none of
-        those of the others that are selected; and these hypotheses."""
-        taken = {row for m in selected if m != k for row in self.fits[m].row.tolist()}
+        those of the others that are selected; and these hypotheses. `taken`: detections of all
+        that are selected, which share none."""
         others = [
             m
             for m in self.sharing(k)
-            if not taken.intersection(self.fits[m].row.tolist())
+            if np.isin(self.fits[m].row[taken[self.fits[m].row]], self.fits[k].row).all()
             and not same_orbit(self.fits[m], self.fits[k])
         ]
         if not others:

@@ -32,7 +32,12 @@ from cislunar.orbit_determination.attribution import (
 )
 from cislunar.orbit_determination.common_time import same_states
 from cislunar.orbit_determination.hypotheses import LinkHypotheses, same_orbit
-from cislunar.orbit_determination.initial_orbits import initial_orbits, is_plausible, refit_at
+from cislunar.orbit_determination.initial_orbits import (
+    InitialOrbits,
+    initial_orbits,
+    is_plausible,
+    refit_at,
+)
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
 from cislunar.orbit_determination.pairs import pair_starts, pairs_within
 from cislunar.orbit_determination.scores import LinkingSettings
@@ -79,6 +84,9 @@ class LinkedOrbits(NamedTuple):
         Other orbits through some or all of the detections, of nearly the same evidence.
     n_hypotheses : int
         Number of hypotheses among which the choice is optimal.
+    solutions : dict of bytes to InitialOrbits
+        Initial orbits for all detections of an orbit, by their angles, where they were sought; the
+        next run takes those of orbits without a new detection.
     """
 
     fits: OrbitFits
@@ -88,6 +96,7 @@ class LinkedOrbits(NamedTuple):
     confirmed: NDArray[np.bool_]
     rivals: tuple[OrbitFits, ...]
     n_hypotheses: int
+    solutions: dict[bytes, InitialOrbits]
 
     def detections(self, k: int) -> Indices:
         """Rows of the angles that orbit k takes."""
@@ -154,7 +163,8 @@ def link(
         shortest = gap
     _merge(found)
     _split(found)
-    return _described(found, _without_duplicates(found, found.selected()))
+    solutions = {} if known is None else known.solutions
+    return _described(found, _without_duplicates(found, found.selected()), solutions)
 
 
 def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> None:
@@ -191,17 +201,9 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> N
 def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
     extended = found.extended(orbits, usable)
     found.add(extended)
-    tracklets = found.data[1]
-    taken = [
-        tracklets.detections[t]
-        for members in extended.tracklets
-        if len(members) >= least and members in found.index
-        for t in members
-    ]
+    taken = [each for each in extended.tracklets if len(each) >= least and each in found.index]
     if taken:
-        used = np.zeros(found.data[0].time.size, dtype=bool)
-        used[np.concatenate(taken)] = True
-        free &= ~np.array([used[rows].any() for rows in tracklets.detections])
+        free &= found.disjoint(taken)
 
 
 def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, progress) -> None:
@@ -344,8 +346,10 @@ def _split(found: LinkHypotheses) -> None:
     found.add(OrbitHypotheses(fits, tuple(parts)))
 
 
-def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
-    """Chosen orbits with verdicts, rivals and confirmation."""
+def _described(
+    found: LinkHypotheses, chosen: list[int], before: dict[bytes, InitialOrbits]
+) -> LinkedOrbits:
+    """Chosen orbits with verdicts, rivals and confirmation; initial orbits of the run before."""
     angles, tracklets, forces, region, settings = found.data
     chosen = sorted(chosen, key=lambda k: (-found.scores[k], found.members[k]))
     parts = [
@@ -355,16 +359,21 @@ def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
     fits = concatenate_fits(parts, found.empty)
     free = undetermined_directions(fits, region, settings.verdict)
     separation = separation_probability(fits, angles, forces=forces)
-    verdicts, rivals, confirmed = [], [], []
+    verdicts, rivals, confirmed, solutions = [], [], [], {}
+    taken = np.zeros(angles.time.size, dtype=bool)
+    taken[fits.row] = True
     for position, k in enumerate(chosen):
-        value, instead = found.alternative_to(k, chosen)
+        value, instead = found.alternative_to(k, taken)
         rival = value >= found.scores[k] - settings.verdict.rival_log_ratio
         others = [found.fits[m] for m in instead] if rival else []
         observers = tracklets.observer[list(found.members[k])]
         few = len(found.members[k]) < settings.several_starts_below
         if few or np.unique(observers).size == 1:
             own = angles.rows(found.fits[k].row)
-            again = initial_orbits(own, forces=forces, region=region, settings=settings.starts)
+            key = b"".join(each.tobytes() for each in own[:-1])
+            again = solutions[key] = before.get(key) or initial_orbits(
+                own, forces=forces, region=region, settings=settings.starts
+            )
             best = again.log_evidence.max(initial=-np.inf) - settings.verdict.rival_log_ratio
             for m in np.flatnonzero(again.log_evidence >= best).tolist():
                 one = again.fits.take([m])._replace(row=found.fits[k].row)
@@ -380,5 +389,5 @@ def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
         )
     return LinkedOrbits(
         fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free,
-        np.array(confirmed, dtype=bool), tuple(rivals), len(found.members),
+        np.array(confirmed, dtype=bool), tuple(rivals), len(found.members), solutions,
     )  # fmt: skip

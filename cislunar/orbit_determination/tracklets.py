@@ -84,9 +84,11 @@ class Attributables(NamedTuple):
 
 def rotate_about_z(vector: ArrayLike, angle: ArrayLike) -> Array:
     """Vectors (..., 3) rotated about z by angles (...), rad, positive from x to y."""
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack(np.broadcast_arrays(c * x - s * y, s * x + c * y, z), axis=-1)
+    given = np.asarray(vector, dtype=float)
+    x, y, c, s = given[..., 0], given[..., 1], np.cos(angle), np.sin(angle)
+    out = np.empty((*np.broadcast_shapes(x.shape, c.shape), 3))
+    out[..., 0], out[..., 1], out[..., 2] = c * x - s * y, s * x + c * y, given[..., 2]
+    return out
 
 
 def index_pairs(begin: Indices, end: Indices) -> Indices:

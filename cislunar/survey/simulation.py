@@ -31,6 +31,7 @@ from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
     LinkingSettings,
+    is_admissible,
 )
 from cislunar.runtime.arguments import array_of
 from cislunar.runtime.seeds import generator
@@ -126,8 +127,8 @@ def run_survey(
     Raises
     ------
     ConfigurationError
-        If the scene is shorter than the survey, a time is no multiple of another, or data arrive
-        later than the catalog is linked.
+        If the scene is shorter than the survey, a time is no multiple of another, data arrive later
+        than the catalog is linked, or no undetected object is within the admissible region.
     """
     settings = SurveySettings() if settings is None else settings
     errors = ObserverErrors() if observer_errors is None else observer_errors
@@ -187,6 +188,11 @@ class _Survey:
             raise ConfigurationError(
                 f"outside has {self.outside.shape} entries of type {self.outside.dtype}; give one "
                 f"bool for each of the {ids.size} objects"
+            )
+        if not np.any(is_admissible(density.state, density.time, forces, density.region)):
+            raise ConfigurationError(
+                f"density: none of {len(density.state)} particles is within the admissible region; "
+                "give states at the start, or widen the region"
             )
         self.scene, self.settings, self.seed = scene, settings, seed
         self.density, self.record, self.forces = density, record, forces

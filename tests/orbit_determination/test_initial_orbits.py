@@ -124,6 +124,36 @@ def test_the_published_angles_only_cases_of_two_bodies():
     np.testing.assert_allclose(velocity, [-3.88542, 5.12141, -2.24340], atol=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("radius_km", "inclination_deg", "node_deg", "half_arc_s", "accepted"),
+    [(7197.9347, 98.71, 100.41, 90.0, 1e-2), (29_600.136, 56.0, 55.41, 305.0, 1e-3),
+     (29_600.136, 56.0, 55.41, 760.0, 1e-2), (42_164.0, 0.0, 107.33, 520.0, 1e-3),
+     (42_164.0, 0.0, 107.33, 1300.0, 1e-2)],
+)  # fmt: skip
+def test_orbits_of_a_published_comparison_are_those_of_exact_directions(
+    radius_km, inclination_deg, node_deg, half_arc_s, accepted
+):
+    """Circular orbits and arcs without noise of Dolado & Yanez, On the performance analysis of
+    Initial Orbit Determination algorithms, as in the class IodGaussTest of Orekit 13, which accepts
+    relative errors `accepted` for the method of Gauss; seen from a site at a latitude of 43 deg."""
+    mu = 398_600.4418
+    seconds = np.array([-half_arc_s, 0.0, half_arc_s])
+    tilt, node = np.deg2rad([inclination_deg, node_deg])
+    p = np.array([np.cos(node), np.sin(node), 0.0])
+    q = np.array([-np.sin(node) * np.cos(tilt), np.cos(node) * np.cos(tilt), np.sin(tilt)])
+    along = np.sqrt(mu / radius_km**3) * seconds[:, None]
+    place = radius_km * (np.cos(along) * p + np.sin(along) * q)
+    turn = node + 7.292115e-5 * seconds
+    site = 6378.0 * np.stack([0.73 * np.cos(turn), 0.73 * np.sin(turn), 0.68 + 0.0 * turn], axis=1)
+    x, y, z = (place - site).T
+    ra, dec = np.rad2deg(np.arctan2(y, x)), np.rad2deg(np.arctan2(z, np.hypot(x, y)))
+    position, velocity = two_body_orbit(seconds, site, ra, dec, mu)
+    speed = np.sqrt(mu / radius_km)
+    errors = np.array([np.linalg.norm(position - radius_km * p) / radius_km,
+                       np.linalg.norm(velocity - speed * q) / speed])  # fmt: skip
+    assert errors.max() < 1e-3 * accepted
+
+
 def test_observations_of_a_geosynchronous_satellite_give_the_orbit_of_orekit():
     """Observations of 2023-06-09 in the test testIssue1166RaDec of IodGooding of Orekit 13: three
     directions within eleven minutes. Orekit's methods of Gooding, Laplace and Gauss give semi-major

@@ -167,6 +167,14 @@ def test_impossible_times_are_refused():
     assert SearchSettings().strategy == "density"
 
 
+def test_a_density_that_is_out_of_reach_is_refused():
+    far = ObjectDensity([[50.0, 0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], 10.0)
+    with pytest.raises(ConfigurationError, match="none of 1 particles") as caught:
+        run_survey(PROBLEM.scene, TRUTH, PROBLEM.epoch, PROBLEM.ids, 3, far, SETTINGS,
+                   sensor=SENSOR, forces=EARTH_MOON)  # fmt: skip
+    assert "\n" not in str(caught.value)
+
+
 def test_detections_near_a_predicted_position_are_explained():
     place, position = np.zeros(3), np.array([1.0, 0.0, 0.0])
     velocity, time = np.array([0.0, 0.5, 0.0]), 2.0

@@ -29,6 +29,7 @@ _QUANTITIES = {
     "NEES": ("nees", ".2f", 1.0),
     "NEES, no maneuver so far": ("nees_ballistic", ".2f", 1.0),
     "NEES now, no maneuver so far": ("nees_now_ballistic", ".2f", 1.0),
+    "Error of known objects (km)": ("error_known_km", ".2f", 1.0),
     "Error of known objects, increase by the search (%)": ("search_cost", "+.1f", 100.0),
     "Hours to catalog": ("hours_to_catalog", ".1f", 1.0),
 }
