@@ -5,6 +5,8 @@ slots fixed, until no slot improves. With a prescribed total number of satellite
 slot changes together with that of another slot, so that every move keeps the total.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 

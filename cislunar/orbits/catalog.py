@@ -4,6 +4,8 @@ Families extend as far as JPL's catalog of three-body periodic orbits lists them
 known, through the Earth and the Moon if need be. Continued branches are cached in memory.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from functools import partial
@@ -21,8 +23,7 @@ from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, mea
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
 from cislunar.quantities import in_unit, nondimensional
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import count_of, number_of, number_or_range, require_kind
+from cislunar.runtime import Array, count_of, number_of, number_or_range, require_kind
 
 ValueOrRange = float | tuple[float, float]
 

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion
-from cislunar.dynamics.propagation import propagate_stm
+from cislunar.dynamics import CR3BP, equations_of_motion, propagate_stm
 from cislunar.errors import ConvergenceError
 from cislunar.runtime import Array
 

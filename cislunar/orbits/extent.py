@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
-from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import closest_approaches
+from cislunar.dynamics import closest_approaches, jacobi_constant
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
 from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate

@@ -1,5 +1,7 @@
 """The thirteen families of candidate observer orbits (Paul & Fan, section 3)."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,8 +17,7 @@ from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import count_of, number_of, require_kind
+from cislunar.runtime import Array, count_of, number_of, require_kind
 
 FAMILIES: tuple[str, ...] = (
     "Butterfly_N",

@@ -23,8 +23,7 @@ from cislunar.constants import (
     SECONDS_PER_DAY,
     TIME_UNIT_S,
 )
-from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import closest_approaches, propagate_periodic
+from cislunar.dynamics import closest_approaches, jacobi_constant, propagate_periodic
 from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError
 from cislunar.exchange.table_rows import (
     OWN_FAMILY,

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import CR3BP, primary_distances
-from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.dynamics import CR3BP, primary_distances, propagate, propagate_stm
 from cislunar.runtime import Array
 
 _SAMPLES = 256

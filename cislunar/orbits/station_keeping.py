@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.dynamics.propagation import propagate_stm
+from cislunar.dynamics import CR3BP, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.stability import farthest_state
 from cislunar.runtime import Array

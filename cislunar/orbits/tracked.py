@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import closest_approaches
+from cislunar.dynamics import closest_approaches, jacobi_constant
 from cislunar.orbits.branches import opposite, resonant_seed
 from cislunar.orbits.continuation import Branch, Point, continue_branch, join
 from cislunar.orbits.corrector import X, correct, fix_coordinate

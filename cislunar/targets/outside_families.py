@@ -56,8 +56,7 @@ from cislunar.dynamics import (
 )
 from cislunar.ephemeris.bodies import COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, count_of, number_of
+from cislunar.runtime import Array, array_of, count_of, number_of
 from cislunar.targets.tables import TargetStates
 
 _DAY = SECONDS_PER_DAY / TIME_UNIT_S

@@ -43,8 +43,7 @@ from pydantic import AfterValidator, Field
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import libration_points, primary_distances
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array
-from cislunar.runtime.settings_fields import Section, number, setting, several, whole
+from cislunar.runtime import Array, Section, number, setting, several, whole
 from cislunar.targets.zero_velocity import REGIONS, reachable
 
 CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")

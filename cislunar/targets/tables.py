@@ -31,8 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.catalog import COLUMNS, is_catalog, read_catalog
-from cislunar.exchange.inertial import Epoch, rotating_state_at
+from cislunar.exchange import COLUMNS, Epoch, is_catalog, read_catalog, rotating_state_at
 from cislunar.exchange.oem import objects_of
 from cislunar.exchange.table_rows import (
     OWN_FAMILY,
@@ -49,8 +48,7 @@ from cislunar.exchange.table_rows import (
     row_position,
     row_state,
 )
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import number_of
+from cislunar.runtime import Array, number_of
 
 
 class TargetStates(NamedTuple):

@@ -23,21 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.dynamics.bounds import require_nondimensional
-from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
+from cislunar.dynamics import CR3BP, EARTH_MOON, require_nondimensional
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import UPDATES, EstimatorFactory, InitialEstimate
-from cislunar.estimation.registry import estimator_named
-from cislunar.evaluation.characterization import CharacterizedTargets
-from cislunar.evaluation.metrics import TrackingMetrics
-from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import Sensor, sensors_of
-from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, count_of, require_kind
-from cislunar.runtime.progress import logger
-from cislunar.runtime.settings_fields import shortened_interval
+from cislunar.estimation import UPDATES, EstimatorFactory, InitialEstimate, estimator_named
+from cislunar.evaluation import CharacterizedTargets, TrackingMetrics
+from cislunar.observation import BodyParameterPrior, Scene, Sensor, TargetSurfaces, sensors_of
+from cislunar.runtime import Array, array_of, count_of, logger, require_kind, shortened_interval
 from cislunar.tasking.detection_outcomes import (
     count_outcomes,
     report_estimated_parameters,

@@ -8,18 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Prediction
-from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import sensor_limits
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation import Scene, TargetSurfaces, sensor_limits
 from cislunar.runtime import Array
+from cislunar.tasking.planning import LearnedDetection, ScheduleModel, facet_margins, sphere_margins
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information, values_in_field
-from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
-from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound
-from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.planning.slot_observations import slot_observations
 from cislunar.tasking.settings import LoopSettings
 

@@ -1,5 +1,7 @@
 """A tracking problem of any size that needs no file, for demonstrations and benchmarks."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,10 +11,8 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
-from cislunar.photometry.materials import Material, PhotometryModel
-from cislunar.photometry.shapes import icosahedron
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import count_of
+from cislunar.photometry import Material, PhotometryModel, icosahedron
+from cislunar.runtime import Array, count_of
 from cislunar.tasking.initial_conditions import epoch_states
 from cislunar.tasking.settings import LoopSettings
 

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.observation.measurement import NOT_TASKED
-from cislunar.observation.sensor import Sensor
+from cislunar.observation import NOT_TASKED, Sensor
 from cislunar.tasking.realization import OUTCOME_NAMES
 from cislunar.tasking.state import SimulationInputs
 

@@ -10,26 +10,23 @@ Assumptions and limitations
 - Detections are processed at once; links with a delay need known identities.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.association.candidates import Expectation, find_candidates
+from cislunar.association import KNOWN, LOST, Expectation, TrackStatus, associate, find_candidates
 from cislunar.association.maneuvered import associate_maneuvered
-from cislunar.association.methods import associate
-from cislunar.association.model import KNOWN
-from cislunar.association.tracks import LOST, TrackStatus
 from cislunar.association.window import Association, Window
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, expose, point_at
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
-from cislunar.observation.measurement import DETECTED, NOT_TASKED
-from cislunar.observation.records import Measurements, arranged
+from cislunar.observation import DETECTED, METERS, NOT_TASKED, Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
-from cislunar.observation.sightline import METERS
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.dynamics.propagation import propagate
+from cislunar.dynamics import CR3BP, propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.runtime import Array

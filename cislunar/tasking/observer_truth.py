@@ -12,6 +12,8 @@ Assumptions and limitations
 - Magnitude, occultation and the field of view are those of the time stamp.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +23,8 @@ from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
-from cislunar.observation.scene import Scene
-from cislunar.observation.sightline import wrapped
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of
+from cislunar.observation import Scene, wrapped
+from cislunar.runtime import Array, array_of
 from cislunar.tasking.initial_conditions import OBSERVER, stream
 
 Indices = NDArray[np.int64]

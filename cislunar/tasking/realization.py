@@ -4,40 +4,30 @@ Its state does not grow with the length of the run, except for the light curves 
 estimator; histories are returned in pieces.
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.tracks import known_tracks
-from cislunar.estimation.eclipses import without_dimming
-from cislunar.estimation.estimator import Estimates, Prediction
+from cislunar.estimation import Estimates, Prediction, without_dimming
 from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
-from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.evaluation.metrics import Evaluation
+from cislunar.evaluation import CramerRaoBound, Evaluation
+from cislunar.observation import DETECTED, FAINT, NOT_TASKED, OCCULTED, detectable_targets, measure
 from cislunar.observation.body_sampling import true_deviations
-from cislunar.observation.measurement import (
-    DETECTED,
-    FAINT,
-    NOT_TASKED,
-    OCCULTED,
-    detectable_targets,
-    measure,
-)
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.sightline import dimming
 from cislunar.runtime import Array
-from cislunar.tasking.communication.contact import arrivals
-from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.communication import Reception, arrivals
 from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.field_observations import associate_interval, observe_field
 from cislunar.tasking.histories import Outputs, kept_histories
 from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
 from cislunar.tasking.observer_truth import draw_observer_errors, shifted_angles
-from cislunar.tasking.planning.assignment import IDLE
-from cislunar.tasking.planning.detection import LearnedDetection
-from cislunar.tasking.planning.pending import expected_update
+from cislunar.tasking.planning import IDLE, LearnedDetection, expected_update
 from cislunar.tasking.recording import (
     Piece,
     concatenate,

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
 from cislunar.estimation.navigation.errors import N_PARAMETERS, ObserverEstimate
-from cislunar.observation.records import Measurements, rows_of
-from cislunar.observation.scene import Scene
+from cislunar.observation import Measurements, Scene, rows_of
 from cislunar.runtime import Array
 from cislunar.tasking.histories import HISTORIES, ObservationLog
 from cislunar.tasking.settings import LoopSettings

@@ -11,12 +11,9 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import GroundSensor, Sensor
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import count_of, number_of, require_kind
-from cislunar.runtime.settings_fields import require_multiple
+from cislunar.runtime import Array, count_of, number_of, require_kind, require_multiple
 from cislunar.tasking.communication.model import CommunicationModel
-from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
-from cislunar.tasking.planning.information import TaskingModel
+from cislunar.tasking.planning import EARLY_STOP, MAX_EVALUATIONS, METHODS, TaskingModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 HISTORIES = ("errors", "bound")

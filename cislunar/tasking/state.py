@@ -11,13 +11,10 @@ from cislunar.association.tracks import TrackStatus
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.light_curves.row_blocks import TIME
-from cislunar.estimation.maneuvers.recovering_estimator import RecoveredManeuvers
-from cislunar.estimation.maneuvers.search import SEARCHING
-from cislunar.evaluation.characterization import CharacterizedTargets, characterized_targets
-from cislunar.evaluation.cramer_rao import CramerRaoBound
+from cislunar.estimation.maneuvers import SEARCHING, RecoveredManeuvers
+from cislunar.evaluation import CharacterizedTargets, CramerRaoBound, characterized_targets
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
-from cislunar.observation.scene import Scene
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation import Scene, TargetSurfaces
 from cislunar.runtime import Array
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.histories import ManeuverLog

@@ -1,5 +1,7 @@
 """Visibility counts of static targets for every orbit and satellite count."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -7,13 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.bounds import require_nondimensional
-from cislunar.dynamics.cr3bp import primary_distances
+from cislunar.dynamics import primary_distances, require_nondimensional
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, count_of, require_kind
+from cislunar.runtime import Array, array_of, count_of, require_kind
 from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, setting
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases

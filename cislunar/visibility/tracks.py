@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.dynamics.propagation import propagate, propagate_periodic
+from cislunar.dynamics import CR3BP, propagate, propagate_periodic
 from cislunar.runtime import Array
 
 

@@ -134,6 +134,11 @@ def settings_of(*keys):
     return lambda wildcards: settings_in(wildcards.scenario, *keys)
 
 
+def sampling_of(wildcards):
+    """Settings of the sampled static targets of the scenario of a job."""
+    return settings_in(wildcards.scenario, "targets")["targets"]
+
+
 def results(path):
     """A path in the results folder."""
     return f"{RESULTS}/{path}"

@@ -1,8 +1,3 @@
-def sampling_of(wildcards):
-    """Settings of the sampled static targets of the scenario of a job."""
-    return settings_in(wildcards.scenario, "targets")["targets"]
-
-
 rule zvs_points:
     input:
         missions_path=config["targets"]["missions"],

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.visibility.counts import VisibilitySettings
-from cislunar.visibility.kernel import count_observers
-from cislunar.visibility.shade import lost_observations, shade_of
+from cislunar.visibility import VisibilitySettings, count_observers, lost_observations, shade_of
 
 
 def day_starts(times: ArrayLike) -> NDArray[np.intp]:

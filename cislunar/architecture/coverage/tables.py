@@ -13,9 +13,7 @@ from cislunar.architecture.orbit_slots import free_orbit_slots, orbit_slots_at, 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
-from cislunar.visibility.counts import VisibilitySettings
-from cislunar.visibility.kernel import mark_observations
-from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility import VisibilitySettings, distinct_phases, mark_observations
 from cislunar.visibility.shade import lost_observations, shade_of
 from cislunar.visibility.tracks import satellite_tracks
 

@@ -19,16 +19,12 @@ from cislunar.architecture.information.observation_kernels import (
     add_magnitudes,
 )
 from cislunar.architecture.orbit_slots import OrbitSlots
-from cislunar.attitude.quaternion import normalize
-from cislunar.attitude.rigid_body import propagate_spherical, spherical_transition
+from cislunar.attitude import normalize, propagate_spherical, spherical_transition
 from cislunar.constants import MU, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import CR3BP, primary_positions
-from cislunar.dynamics.propagation import advance_orbits, propagate_stm
+from cislunar.dynamics import CR3BP, advance_orbits, primary_positions, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
-from cislunar.observation.sensor import Sensor
-from cislunar.observation.sightline import METERS
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation import METERS, Sensor, TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array

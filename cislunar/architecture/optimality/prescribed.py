@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cislunar.architecture import Objective, random_start
 from cislunar.architecture.certified import (
     Bound,
     Choice,
@@ -9,8 +10,6 @@ from cislunar.architecture.certified import (
     certified_search,
     check_size,
 )
-from cislunar.architecture.coordinate_search import random_start
-from cislunar.architecture.objective import Objective
 from cislunar.architecture.optimality.branch_and_bound import search_level
 
 _BELOW = 1.0 - 1e-6  # threshold relative to the value, so that the bound can equal the value

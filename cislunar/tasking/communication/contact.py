@@ -10,8 +10,7 @@ Assumptions and limitations
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.observation.scene import Scene
-from cislunar.observation.sightline import EARTH_RADIUS, MOON_RADIUS
+from cislunar.observation import EARTH_RADIUS, MOON_RADIUS, Scene
 from cislunar.tasking.communication.model import CommunicationModel
 
 _GRAZING = 1e-9

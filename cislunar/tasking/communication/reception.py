@@ -5,6 +5,8 @@ estimates within a span that is processed again are not needed, fits light curve
 and propagates attitudes in longer steps.
 """
 
+from __future__ import annotations
+
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +19,7 @@ from cislunar.estimation.estimator import Estimates
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision
-from cislunar.tasking.planning.detection import LearnedDetection
-from cislunar.tasking.planning.pending import PlannedObservations
+from cislunar.tasking.planning import LearnedDetection, PlannedObservations
 from cislunar.tasking.truth import Truth
 
 Flags = NDArray[np.bool_]

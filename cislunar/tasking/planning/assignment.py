@@ -6,6 +6,8 @@ Hyperopt's tree-structured Parzen estimator over one continuous weight per targe
 the K largest weights are assigned to the observers in that order.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,6 +3,8 @@ the pairs to compute first. The prices of the assignment found among them prove 
 belongs to it, or select further pairs to compute. The result equals the assignment of the full
 matrix."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

@@ -13,6 +13,8 @@ Assumptions and limitations
   considered only when that one is chosen. The best schedule found is returned.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
