@@ -179,6 +179,11 @@ class Study:
         """Names of the observers in space, followed by those on the ground."""
         return [*(each.name for each in self.observers), *self.settings.stations]
 
+    @property
+    def _observer_names(self) -> dict[str, xr.Variable]:
+        """Coordinate of a data set."""
+        return variables(observer_name=("observer", self.observer_names, "1", "name"))
+
     def _with_sensors(self, settings: StudySettings) -> StudySettings:
         """The settings with a group of sensors for each observer with a sensor of its own."""
         groups: dict[str, Any] = {}
@@ -351,8 +356,8 @@ class Study:
                 names=_NAMES,
             )
         title = f"Study of {len(self.targets)} targets by {self.n_observers} observers"
-        named = variables(observer_name=("observer", self.observer_names, "1", "name"))
-        return StudyResult(self, found.assign_coords(named).assign_attrs(title=title), inputs.sun)
+        found = found.assign_coords(self._observer_names).assign_attrs(title=title)
+        return StudyResult(self, found, inputs.sun)
 
     def _estimated(self) -> ObservedResult:
         """Estimates from the observations."""
@@ -372,7 +377,7 @@ class Study:
         title = f"Estimates of {len(self.targets)} targets from observations"
         names = [each.name for each in self.targets]
         found = found.assign_coords(
-            variables(target_name=("target", names, "1", "name of the target"))
+            self._observer_names | variables(target_name=("target", names, "1", "name"))
         )
         attrs = provenance(title, settings=kept, seed=self.settings.seed)
         return ObservedResult(self, found.assign_attrs(attrs), inputs.sun)
