@@ -167,6 +167,7 @@ def test_a_file_gives_the_same_results(result, tmp_path):
     assert found.cell.identical(result.cell)
     written = {each.name for each in (tmp_path / "out").iterdir()}
     assert {"study.nc", "summary.csv", "estimates.oem", "errors.png", "geometry.pdf"} <= written
+    assert result.cell.attrs["epoch"] == f"{EPOCH}.000000 UTC"
     # the data set has its own epoch, also in a folder with that of a campaign
     aem, cell = tmp_path / "out.aem", tmp_path / "out/study.nc"
     done = CliRunner().invoke(cislunar, ["export", str(cell), "--output", str(aem)])
