@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.campaign.settings.observing.sensors import sensor_change
+from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError, did_you_mean, known_keys
 from cislunar.exchange.inertial import Epoch, rotating_state_at
 from cislunar.exchange.oem import Segment, objects_of
@@ -33,6 +34,8 @@ from cislunar.targets.tables import check_closed_targets, load_target_states
 
 Array = NDArray[np.float64]
 
+_SAMPLES = 721
+"""Points of the path of an orbit in a figure."""
 _OF_FAMILY = ("family", "jacobi", "period_days", "member", "phase", "count")
 _WAYS = ("family", "state", "state_km", "icrf_km", "oem")
 """Keys that determine an orbit."""
@@ -83,6 +86,13 @@ class StudyObject(NamedTuple):
     covariance_km: Array | None = None
     quaternion: tuple[float, ...] | None = None
     angular_velocity_deg_h: tuple[float, ...] | None = None
+
+    def path(self, duration: float) -> Array:
+        """Positions (time, 3) over a period, or a nondimensional duration if it is not closed."""
+        if not self.period:
+            return propagate(self.state, np.linspace(0.0, duration, _SAMPLES))[:, :3]
+        times = np.linspace(-0.5, 0.5, _SAMPLES) * self.period
+        return propagate_periodic(self.state, self.period, times)[:, :3]
 
 
 def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[StudyObject]:

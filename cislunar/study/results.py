@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.records import (
     cell_arcs,
+    cell_attitudes,
     cell_observations,
     cell_observer_arcs,
     frame_epoch,
@@ -22,6 +23,7 @@ from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import STATUS_NAMES
+from cislunar.exchange.aem import aem_text
 from cislunar.exchange.arcs import COMMENTS, EPHEMERIS_COMMENTS, GEOMETRIC
 from cislunar.exchange.key_values import dates
 from cislunar.exchange.oem import oem_text
@@ -299,6 +301,16 @@ class StudyResult:
         arcs = self._arcs(which, seed)
         return _save(oem_text(arcs, created=created, comments=self._comments), path)
 
+    def to_aem(self, path: str | Path | None = None, which: str = "estimated", *, seed: int = 0,
+               created: str = _CREATED) -> str:  # fmt: skip
+        """Write the attitudes of all targets, estimated or true, as a CCSDS AEM; see `to_oem` for
+        arguments and result."""
+        self._check_seed(seed)
+        if which not in ("estimated", "true"):
+            raise ConfigurationError(f"which = {shown(which)} must be 'estimated' or 'true'")
+        attitudes = cell_attitudes(self.cell, self.sun, which, seed=seed)
+        return _save(aem_text(attitudes, created=created, comments=self._comments), path)
+
     def to_tdm(self, path: str | Path | None = None, *, seed: int = 0, created: str = _CREATED
                ) -> str:  # fmt: skip
         """Write the observations of a realization as a CCSDS TDM; see `observations` and
@@ -332,10 +344,7 @@ class StudyResult:
         from cislunar.figures.replay import cell_replay, replay_page
 
         self._check_seed(seed)
-        names = self.study.observer_names
-        return _save(
-            replay_page(cell_replay(self.cell, self.sun, seed=seed, observers=names)), path
-        )
+        return _save(replay_page(cell_replay(self.cell, self.sun, seed=seed)), path)
 
 
 def labeled(dims: Any, values: Any, unit: str, words: str) -> tuple:

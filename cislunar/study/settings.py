@@ -7,7 +7,7 @@ explains. A study states what differs from the defaults.
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-from cislunar.campaign.settings.cell_tree import CellSettings, Recordable, Tasking
+from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
 from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.tree import Date, EphemerisSettings
 from cislunar.constants import EPOCH_JD
@@ -43,7 +43,7 @@ class StudySettings(CellSettings):
     duration_hours: Positive = setting("duration of the run", "h", default=_LOOP.duration_hours)
     step_s: Positive = setting(
         "time between measurements, and time step of filter and truth", "s", default=_LOOP.step_s)
-    record: several(Recordable) = setting(
+    record: several(Literal[RECORDABLE]) = setting(
         "quantities besides those that results of a study always keep: `pointing`, `visibility` or "
         "`observers`", default=list(RECORDABLE[:4]))
     tasking: Tasking = Tasking(

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import (
     bodies_dataset,
@@ -29,10 +28,10 @@ from cislunar.campaign.settings.tracking_checks import require_consistent
 from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loop
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
-from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.propagation import propagate, propagate_periodic
+from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.inertial import epoch_at
+from cislunar.exchange.key_values import dates
 from cislunar.exchange.observation_files import observation_table
 from cislunar.observation.sensor import sensors_of
 from cislunar.orbits.families import OrbitSet, concatenate
@@ -66,16 +65,12 @@ _NAMES = SettingNames(
 )
 """Names of settings in warnings."""
 
-
 _WORDS = {
     "configuration key ": "setting ",
     "task2.": "",
     "epoch_jd or duration_days": "epoch or duration_hours",
 }
 """Words of the campaign, and those of a study."""
-
-_SAMPLES = 721
-"""Points of the path of an orbit in a figure."""
 
 
 class Study:
@@ -179,6 +174,12 @@ class Study:
         """Names of the observers in space, followed by those on the ground."""
         return [*(each.name for each in self.observers), *self.settings.stations]
 
+    def _described(self, found: xr.Dataset, sun: xr.Dataset, title: str) -> xr.Dataset:
+        """A data set with its title, its epoch and the names of the observers."""
+        names = variables(observer_name=("observer", self.observer_names, "1", "name"))
+        (epoch,) = dates([frame_epoch(sun).tdb_s], DATE_SYSTEM)
+        return found.assign_coords(names).assign_attrs(title=title, epoch=f"{epoch} {DATE_SYSTEM}")
+
     def _with_sensors(self, settings: StudySettings) -> StudySettings:
         """The settings with a group of sensors for each observer with a sensor of its own."""
         groups: dict[str, Any] = {}
@@ -274,7 +275,7 @@ class Study:
         """
         run = self.settings.duration_hours * 3600.0 / TIME_UNIT_S
         observers, targets = (
-            {each.name: (each.state[:3], _path(each, run)) for each in objects}
+            {each.name: (each.state[:3], each.path(run)) for each in objects}
             for objects in (self.observers, self.targets)
         )
         return observers, targets
@@ -351,8 +352,7 @@ class Study:
                 names=_NAMES,
             )
         title = f"Study of {len(self.targets)} targets by {self.n_observers} observers"
-        named = variables(observer_name=("observer", self.observer_names, "1", "name"))
-        return StudyResult(self, found.assign_coords(named).assign_attrs(title=title), inputs.sun)
+        return StudyResult(self, self._described(found, inputs.sun, title), inputs.sun)
 
     def _estimated(self) -> ObservedResult:
         """Estimates from the observations."""
@@ -371,11 +371,9 @@ class Study:
             )
         title = f"Estimates of {len(self.targets)} targets from observations"
         names = [each.name for each in self.targets]
-        found = found.assign_coords(
-            variables(target_name=("target", names, "1", "name of the target"))
-        )
-        attrs = provenance(title, settings=kept, seed=self.settings.seed)
-        return ObservedResult(self, found.assign_attrs(attrs), inputs.sun)
+        found = found.assign_coords(variables(target_name=("target", names, "1", "name")))
+        found.attrs |= provenance(title, settings=kept, seed=self.settings.seed)
+        return ObservedResult(self, self._described(found, inputs.sun, title), inputs.sun)
 
 
 @contextmanager
@@ -385,14 +383,6 @@ def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
         stack.enter_context(shown())
         stack.enter_context(announced(tracking_files(settings, estimator)))
         yield
-
-
-def _path(orbit: StudyObject, duration: float) -> NDArray[np.float64]:
-    """Positions (time, 3) over a period, or a nondimensional duration."""
-    if not orbit.period:
-        return propagate(orbit.state, np.linspace(0.0, duration, _SAMPLES))[:, :3]
-    times = np.linspace(-0.5, 0.5, _SAMPLES) * orbit.period
-    return propagate_periodic(orbit.state, orbit.period, times)[:, :3]
 
 
 def _orbits(objects: list[StudyObject], dim: str) -> xr.Dataset:

@@ -19,10 +19,10 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         earlier = set()
         for key, _ in node.value:
-            if key.value in earlier:
+            if (name := str(key.value)) in earlier:
                 line = key.start_mark.line + 1
-                raise ConfigurationError(f"line {line}: {key.value} occurs twice; rename one")
-            earlier.add(key.value)
+                raise ConfigurationError(f"line {line}: {name} occurs twice; rename one")
+            earlier.add(name)
         return super().construct_mapping(node, deep)
 
 
@@ -78,7 +78,8 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     result : StudyResult
     folder : str or Path
         Folder of the files, created if missing: ``study.nc`` (the data set of a cell),
-        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm`` and figures.
+        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm``, figures, and
+        ``ephemeris/sun.nc`` (epoch and axes), with which ``cislunar export`` makes other formats.
 
     Returns
     -------
@@ -86,10 +87,11 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
         The files.
     """
     names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv", "observations.tdm")
-    paths = [Path(folder, name) for name in names]
+    paths = [Path(folder, name) for name in (*names, "ephemeris/sun.nc")]
     write_dataset(result.cell, paths[0])
+    write_dataset(result.sun, paths[-1])
     write_text(result.summary().to_csv(lineterminator="\n"), paths[1])
-    for write, path in zip((result.to_oem, result.to_csv, result.to_tdm), paths[2:], strict=True):
+    for write, path in zip((result.to_oem, result.to_csv, result.to_tdm), paths[2:-1], strict=True):
         write(path)
     for kind in result.plots:
         both = [Path(folder, f"{kind}.{ending}") for ending in ("png", "pdf")]

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 
 import cislunar as cs
 from cislunar.campaign.tracking.cell import realization_seeds
+from cislunar.command.main import cislunar
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
+from cislunar.exchange.aem import read_aem
 from cislunar.exchange.arcs import rotating_arc
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.oem import read_oem
@@ -111,7 +114,7 @@ def test_names_and_their_order_stay(result, tmp_path):
 def test_replay_has_the_names_and_the_realization(result, tmp_path):
     page = result.to_replay(tmp_path / "replay.html", seed=1)
     assert (tmp_path / "replay.html").read_text("utf-8") == page != result.to_replay()
-    found = cell_replay(result.cell, result.sun, observers=result.study.observer_names, seed=1)
+    found = cell_replay(result.cell, result.sun, seed=1)
     assert found.objects == list(TARGETS) and list(found.observers) == list(OBSERVERS)
     # over a month of steps of a minute, times are left out
     many = cell_replay(result.cell, result.sun, most_states=20)
@@ -164,6 +167,16 @@ def test_a_file_gives_the_same_results(result, tmp_path):
     assert found.cell.identical(result.cell)
     written = {each.name for each in (tmp_path / "out").iterdir()}
     assert {"study.nc", "summary.csv", "estimates.oem", "errors.png", "geometry.pdf"} <= written
+    assert result.cell.attrs["epoch"] == f"{EPOCH}.000000 UTC"
+    # the data set has its own epoch, also in a folder with that of a campaign
+    aem, cell = tmp_path / "out.aem", tmp_path / "out/study.nc"
+    done = CliRunner().invoke(cislunar, ["export", str(cell), "--output", str(aem)])
+    assert done.exit_code == 0, done.output
+    result.to_aem(tmp_path / "own.aem")
+    for found, own in zip(read_aem(aem), read_aem(tmp_path / "own.aem"), strict=True):
+        assert (found.name, found.object_id) == (own.name, own.object_id)
+        np.testing.assert_array_equal(found.quaternion, own.quaternion)
+        np.testing.assert_array_equal(found.tdb_s, own.tdb_s)
 
 
 def test_an_observer_has_its_own_sensor():
@@ -302,7 +315,8 @@ def test_observations_give_the_estimates_of_the_simulation(result):
         assert not {"position_error", "true_position"} & {*data}
         replayed = cell_replay(estimated.cell, estimated.sun)
         simulated = cell_replay(result.cell, result.sun, seed=1)
-        assert replayed.error_km is None and np.isnan(replayed.aim_km).all()
+        assert list(replayed.observers) == list(OBSERVERS) and replayed.error_km is None
+        assert np.isnan(replayed.aim_km).all()
         assert replayed.detections.time_s == pytest.approx(simulated.detections.time_s, abs=1e-4)
         away = replayed.detections.direction - simulated.detections.direction
         assert np.abs(away).max() < 1e-8

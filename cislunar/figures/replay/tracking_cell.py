@@ -1,7 +1,7 @@
 """Replay of a realization of a cell, or of a study."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -35,7 +35,6 @@ def cell_replay(
     sun: xr.Dataset,
     *,
     seed: int = 0,
-    observers: Sequence[str] | None = None,
     orbits: xr.Dataset | None = None,
     most_states: int = 300_000,
 ) -> Replay:
@@ -47,8 +46,6 @@ def cell_replay(
         A cell made with `RECORD`, and its ``ephemeris/sun.nc``.
     seed : int
         Index of the realization.
-    observers : sequence of str, optional
-        Names of the observers; numbers by default.
     orbits : xarray.Dataset, optional
         Orbits of the observers, for those whose sensor the table of observers states.
     most_states : int
@@ -83,7 +80,6 @@ def cell_replay(
     error = None
     if "true_translation" in own:
         error = placed(own["true_translation"].values[..., :3]) - estimate
-    names = observer_names(cell) if observers is None else observers
     return Replay(
         title=str(cell.attrs["title"]),
         utc=observation_dates(frame.tdb_s(times)),
@@ -91,7 +87,7 @@ def cell_replay(
         earth_km=earth,
         moon_km=moon,
         axes=frame.to_icrf(times) @ turn.swapaxes(-1, -2),
-        observers=dict(zip(names, _fields_deg(cell, orbits), strict=True)),
+        observers=dict(zip(observer_names(cell), _fields_deg(cell, orbits), strict=True)),
         observer_km=observed,
         aim_km=_aims(own, estimate, observed.shape[1]),
         objects=recorded_names(cell),
