@@ -1,6 +1,6 @@
 """How the cost of tracking grows with targets, observers, realizations and length.
 
-    python benchmarks/scaling.py [--redraw | --memory | --threads | --month]
+    python benchmarks/scaling.py [--redraw | --memory | --threads | --month | --largest]
 
 Processor time and memory of closed loops are measured around a usual size, each in a process of its
 own, with one size varied at a time. The results go to ``docs/scaling.csv`` and
@@ -9,8 +9,10 @@ own, with one size varied at a time. The results go to ``docs/scaling.csv`` and
 (``docs/memory.csv``). ``--threads`` measures the time of a day of the large campaign against the
 number of cores that share its targets (``docs/threads.csv``). ``--month`` runs an entire month of
 it on all cores, each day in a process that continues from the checkpoint of the day before
-(``docs/month.csv``); an interrupted run continues. ``--redraw`` omits the measurements. The problem
-needs no file. Everything else runs on one thread; compilation is not counted.
+(``docs/month.csv``); an interrupted run continues. ``--largest`` measures the first tasking
+intervals of a day of 100,000 targets and 1,000 observers (``docs/largest.csv``). ``--redraw``
+omits the measurements. The problem needs no file. Everything else runs on one thread; compilation
+is not counted.
 """
 
 import argparse
@@ -33,6 +35,7 @@ from cislunar.figures.style import estimator_style, house_style, new_figure, sav
 from cislunar.photometry.materials import PRINTED
 from cislunar.runtime.netcdf import write_text
 from cislunar.runtime.threads import allow_threads
+from cislunar.tasking import realization
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
 from workflow.documents.markdown import markdown_table, replace_between
@@ -42,6 +45,7 @@ TABLE = ROOT / "docs/scaling.csv"
 MEMORY_TABLE = ROOT / "docs/memory.csv"
 THREADS_TABLE = ROOT / "docs/threads.csv"
 MONTH_TABLE = ROOT / "docs/month.csv"
+LARGEST_TABLE = ROOT / "docs/largest.csv"
 MONTH_FOLDER = ROOT / "build/month"
 DOCUMENT = ROOT / "docs/scaling.md"
 IMAGE = ROOT / "docs/images/scaling"
@@ -64,6 +68,11 @@ LARGE = {"targets": 10_000, "observers": 100, "seeds": 1, "hours": 2}
 """The size of the large campaign, with the length that is measured."""
 
 LARGE_HOURS = 30 * 24
+
+LARGEST = {"targets": 100_000, "observers": 1000, "seeds": 1, "hours": 24}
+"""The largest size, of which the setup and `LARGEST_INTERVALS` tasking intervals are measured."""
+
+LARGEST_INTERVALS = 2
 
 LONG_RUNS = (
     {"targets": 100, "observers": 20, "days": 8, "worked_through": 8},
@@ -217,6 +226,30 @@ def measure_month() -> None:
     shutil.rmtree(MONTH_FOLDER)
 
 
+def _intervals(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
+    """Processor time (s) of the setup and of each of the first tasking intervals of a run, and peak
+    memory (MB) of the entire process after it."""
+    found, start = [], process_time()
+    loop = start_realization(estimator, **size)
+    own = realization.start_realization(loop.inputs, 0, 0)
+    for number in range(LARGEST_INTERVALS + 1):
+        if number > 0:
+            realization.advance_interval(loop.inputs, own, number - 1)
+        found.append((number, process_time() - start, _peak_mb()))
+        print(*found[-1], flush=True)
+        start = process_time()
+    return found
+
+
+def measure_largest() -> list[dict[str, object]]:
+    """Rows of the table of the largest size: the setup, and the first intervals."""
+    rows = [
+        {"estimator": "mukf", **LARGEST, "interval": n, "cpu_s": round(s, 1), "peak_mb": round(mb)}
+        for n, s, mb in in_a_fork(_intervals, "mukf", LARGEST)
+    ]
+    return rows
+
+
 def sizes() -> list[dict[str, int]]:
     """The usual size with one number changed at a time, without repetition, and the large size."""
     found = [{**USUAL, name: value} for name, values in VARIED.items() for value in values]
@@ -328,6 +361,16 @@ def month_table(table: pd.DataFrame) -> str:
     return markdown_table([*head, "time of a day, s", "peak memory, MB"], [row])
 
 
+def largest_table(table: pd.DataFrame) -> str:
+    """Time and memory of the largest size, and the time of a day in proportion, in Markdown."""
+    first, setup, *intervals = table.iloc[0], *table["cpu_s"]
+    day = setup + first["hours"] * sum(intervals) / len(intervals)
+    row = [f"{first['targets']:,} x {first['observers']:,}", ESTIMATOR_NAMES[first["estimator"]]]
+    row += [f"{setup:.0f}", ", ".join(f"{each:.0f}" for each in intervals), f"{day / 60.0:.0f}"]
+    head = ["targets x observers", "estimator", "setup, s", "hours measured, s", "24 h, min"]
+    return markdown_table([*head, "peak memory, MB"], [[*row, f"{table['peak_mb'].max():,}"]])
+
+
 def describe(table: pd.DataFrame) -> None:
     """Write the tables into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
@@ -336,6 +379,7 @@ def describe(table: pd.DataFrame) -> None:
         (MEMORY_TABLE, memory_table),
         (THREADS_TABLE, threads_table),
         (MONTH_TABLE, month_table),
+        (LARGEST_TABLE, largest_table),
     ):
         parts += [made(pd.read_csv(path))] if path.is_file() else []
     block = "\n" + "".join(f"{part}\n" for part in parts)
@@ -355,10 +399,14 @@ def main() -> None:
     only.add_argument(
         "--month", action="store_true", help="run only the month of the large campaign"
     )
+    only.add_argument(
+        "--largest", action="store_true", help="measure only hours of the largest size"
+    )
     options = parser.parse_args()
-    rows, days, shared = [], [], []
+    rows, days, shared, hours = [], [], [], []
     # a data window does not change how targets are shared
-    asked = ("mukf", "batch") if options.threads else ("mukf",) if options.month else ESTIMATORS
+    large = options.month or options.largest
+    asked = ("mukf", "batch") if options.threads else ("mukf",) if large else ESTIMATORS
     for estimator in () if options.redraw else asked:
         run(estimator, 5, 5, 1, 1.0)  # compiles the kernels
         if options.threads:
@@ -367,9 +415,18 @@ def main() -> None:
         if options.month:
             measure_month()
             continue
+        if options.largest:
+            run(estimator, 300, 100, 1, 1.0)  # compiles those of many pairs
+            hours = measure_largest()
+            continue
         rows += [] if options.memory else [measure(estimator, size) for size in sizes()]
         days += [row for size in LONG_RUNS for row in measure_days(estimator, size)]
-    for path, found in ((TABLE, rows), (MEMORY_TABLE, days), (THREADS_TABLE, shared)):
+    for path, found in (
+        (TABLE, rows),
+        (MEMORY_TABLE, days),
+        (THREADS_TABLE, shared),
+        (LARGEST_TABLE, hours),
+    ):
         if found:
             write_text(pd.DataFrame(found).to_csv(index=False), path)
     table = pd.read_csv(TABLE)

@@ -81,8 +81,9 @@ def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> A
         compute(selected, bound)
         known |= selected
         columns = np.flatnonzero((known & (bound > 0.0)).any(axis=0))
-        gain = np.where(known[:, columns], bound[:, columns], 0.0)
-        few = np.round(gain, INFORMATION_DECIMALS)
+        few = bound[:, columns]
+        few[~known[:, columns]] = 0.0
+        np.round(few, INFORMATION_DECIMALS, out=few)
         best = assign(few)
         taken = columns[best.target[best.target != IDLE]]
         selected[:] = False
@@ -99,8 +100,10 @@ def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> A
             target = np.append(columns, IDLE)[best.target]  # IDLE is the index of the last
             return Assignment(target, best.information, best.history)
         else:
-            selected = ~known
-    return assign(np.where(known, bound, 0.0))
+            del few  # memory
+            compute(~known, bound)
+            break
+    return assign(bound)
 
 
 @njit_noalloc
