@@ -23,11 +23,12 @@ from cislunar.estimation.maneuvers import (
     exceedance_probability,
     false_alarm_threshold,
     impulse_bound,
+    planned_bound,
     planned_information,
     threshold_of_schedule,
     whitened_tests,
 )
-from cislunar.observation.records import Measurements, Schedule, rows_of
+from cislunar.observation.records import Measurements, Schedule, pointed_schedule, rows_of
 from cislunar.tasking.demonstration import tracking_problem
 
 SIGMA = np.deg2rad(2.0 / 3600.0)
@@ -317,6 +318,29 @@ def test_planned_information_is_that_of_the_test(problem, orbit, planned):
         np.testing.assert_allclose(
             (now.covariance[0, at] - bound[h]) / np.outer(sigma, sigma), 0.0, atol=0.02
         )
+
+
+def test_planned_bounds_count_the_observations_of_a_target_until_a_time(problem, planned):
+    """All of them in the end, none within a minute, and those of the first half in between."""
+    step_s, half = problem.scene.step_s, 0.5 * N_STEPS * problem.scene.step_s / 3600.0
+    spans = [1.0 / 60.0, half, 2.0 * half]
+    bound = planned_bound(planned, schedule_of(1), step_s, spans)
+    assert bound.shape == (1, planned[0].size, 3, 3, 3)
+    np.testing.assert_array_equal(bound[0, :, 2], impulse_bound(planned[1]))
+    assert np.all(np.isinf(bound[0, :, 0]))
+    step = rows_of(schedule_of(1))[1] + 1
+    early = planned[1][step <= N_STEPS // 2][:, :1]
+    np.testing.assert_allclose(bound[0, 0, 1], impulse_bound(early)[0], rtol=1e-9)
+    least = detectable_impulse(bound, 28.2)
+    assert least.shape == (1, planned[0].size, 3, 2)
+    assert np.all(np.isinf(least[0, :, 0])) and np.all(least[0, 0, 2] < least[0, 0, 1])
+    two = pointed_schedule(np.full((3, 1), 1), 2)
+    few = planned[0], np.zeros((3, planned[0].size, 2, 3))
+    assert np.all(np.isinf(planned_bound(few, two, step_s)))
+    with pytest.raises(ConfigurationError, match="planned whitened"):
+        planned_bound(planned, two, step_s)
+    with pytest.raises(ConfigurationError, match="bound has shape"):
+        detectable_impulse(np.ones(3), 28.2)
 
 
 def test_power_is_that_of_simulated_impulses(planned):

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "likelihood_ratio": ["ManeuverEstimates", "ManeuverTest", "planned_information"],
     "factory": ["monitored"],
     "monitored_estimator": ["MonitoredEstimator"],
-    "power": ["detectable_impulse", "detection_probability", "impulse_bound"],
+    "power": ["detectable_impulse", "detection_probability", "impulse_bound", "planned_bound"],
     "recovering_estimator": ["RecoveredManeuvers", "RecoveringEstimator"],
     "search": ["ReachableSearch", "SEARCHING"],
     "thresholds": ["exceedance_probability", "false_alarm_threshold", "threshold_of_schedule",

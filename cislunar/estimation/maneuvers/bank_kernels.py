@@ -15,7 +15,7 @@ from cislunar.estimation.linearization import (
     transition,
 )
 
-_STRIDE_S = 240.0
+STRIDE_S = 240.0
 """Longest integration step without observations, s."""
 
 
@@ -68,7 +68,7 @@ def normal_equations(j, model, first, last, start, rows, normal, gradient, end, 
     state, derivative = start.copy(), np.empty((2, SIZE))
     normal[:, :], gradient[:], path[:, :] = 0.0, 0.0, np.eye(SIZE)
     row, total, k = int(np.searchsorted(time, first + 1)), 0.0, first
-    stride = max(1, int(_STRIDE_S / scene.step_s))
+    stride = max(1, int(STRIDE_S / scene.step_s))
     while k < last:
         reach = min(k + stride, last)
         if row < time.size:

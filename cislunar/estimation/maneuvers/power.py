@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from scipy.stats import ncx2
 
 from cislunar.errors import ConfigurationError
+from cislunar.observation.records import Schedule, rows_of
 from cislunar.runtime.arguments import array_of, number_of
 
 Array = NDArray[np.float64]
@@ -36,6 +37,46 @@ def impulse_bound(whitened: ArrayLike) -> Array:
         # two rows of an observation determine two components at most
         if np.linalg.matrix_rank(matrix, hermitian=True) == 3:
             each[:] = np.linalg.inv(matrix)
+    return out
+
+
+def planned_bound(
+    planned: tuple[ArrayLike, ArrayLike],
+    schedule: Schedule,
+    step_s: float,
+    within_hours: ArrayLike = (1.0, 3.0, 6.0, 12.0),
+) -> Array:
+    """Cramér-Rao bounds of impulses given their times, some time after them, before a run.
+
+    Parameters
+    ----------
+    planned : tuple
+        Times of the impulses and derivatives, as
+        `cislunar.estimation.maneuvers.likelihood_ratio.planned_information` returns them.
+    schedule : Schedule
+        The observations for which they were computed.
+    step_s : float
+        Step of the schedule, s.
+    within_hours : array_like, shape (span,)
+        Times after an impulse until which observations count, h.
+
+    Returns
+    -------
+    ndarray, shape (target, hypothesis, span, 3, 3)
+        m^2/s^2; infinite where the observations do not determine the impulse.
+    """
+    times_s = array_of("planned times", planned[0], ("hypothesis",))
+    shape = schedule.observer.size, times_s.size, 2, 3
+    whitened = array_of("planned whitened", planned[1], shape)
+    spans = array_of("within_hours", within_hours, ("span",))
+    target, step = rows_of(schedule)
+    late_s = step_s * (step + 1.0)[:, None] - times_s
+    out = np.full((schedule.offset.shape[0], times_s.size, spans.size, 3, 3), np.inf)
+    for j in np.unique(target):
+        rows, since = whitened[target == j], late_s[target == j]
+        for number, span in enumerate(spans):
+            counted = since <= 3600.0 * span + 1e-6 * step_s
+            out[j, :, number] = impulse_bound(np.where(counted[..., None, None], rows, 0.0))
     return out
 
 
@@ -70,7 +111,7 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
 
     Parameters
     ----------
-    bound : array_like, shape (3, 3)
+    bound : array_like, shape (..., 3, 3)
         Covariance of the estimated impulse, m^2/s^2.
     threshold : float
         Of the statistic.
@@ -79,8 +120,8 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
 
     Returns
     -------
-    ndarray, shape (2,)
-        m/s; infinite if the bound is.
+    ndarray, shape (..., 2)
+        m/s; infinite where the bound is.
     """
     level = number_of("threshold", threshold, positive=True)
     wanted = number_of("probability", probability, positive=True)
@@ -88,9 +129,12 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
         raise ConfigurationError(
             f"probability = {wanted:g} must be less than 1 and more than that of a false alarm"
         )
-    matrix = array_of("bound", bound, (3, 3), finite=False)
-    if not np.all(np.isfinite(matrix)):
-        return np.full(2, np.inf)
+    given = array_of("bound", bound, finite=False)
+    if given.shape[-2:] != (3, 3):
+        raise ConfigurationError(f"bound has shape {given.shape}; its last axes must be (3, 3)")
+    known = np.all(np.isfinite(given), axis=(-2, -1))
+    out = np.full((*known.shape, 2), np.inf)
     highest = 4.0 * (level + 10.0) / (1.0 - wanted)
     needed = brentq(lambda each: ncx2.sf(level, 3, each) - wanted, 0.0, highest)
-    return np.sqrt(needed * np.linalg.eigvalsh(matrix)[[0, -1]])
+    out[known] = np.sqrt(needed * np.linalg.eigvalsh(given[known])[:, [0, -1]])
+    return out
