@@ -197,8 +197,12 @@ def tracklet_matches(
     which, found, predicted = (each[:count] for each in out)
     innovation, design = _innovations(predicted, tracklets, found, frame_rate(forces))
     s = design @ fits.covariance[which] @ design.swapaxes(1, 2) + tracklets.covariance[found]
-    squared = np.einsum("ni,ni->n", innovation, np.linalg.solve(s, innovation[..., None])[..., 0])
-    log_density = -0.5 * (squared + np.linalg.slogdet(s)[1]) - 2.0 * np.log(2.0 * np.pi)
+    # nothing matches a prediction whose covariance is singular in double precision
+    sign, log_det = np.linalg.slogdet(s)
+    regular, squared = (sign != 0.0) & np.isfinite(log_det), np.full(len(s), np.inf)
+    solved = np.linalg.solve(s[regular], innovation[regular, :, None])[..., 0]
+    squared[regular] = np.einsum("ni,ni->n", innovation[regular], solved)
+    log_density = -0.5 * (squared + log_det) - 2.0 * np.log(2.0 * np.pi)
     kept = (squared >= 0.0) & (squared <= gate)
     return which[kept], found[kept], log_density[kept]
 

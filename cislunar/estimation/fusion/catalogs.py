@@ -123,20 +123,25 @@ class _Catalogs:
         return Prediction(blind.index, fused[:, 0], spread[:, 0])
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, histories: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        histories: bool = True,
+        final: bool = True,
     ) -> Estimates:
         """See `Estimator.advance`; the estimates at all steps are needed in any case."""
         target, step = rows_of(measurements)
         observer, n_steps = measurements.observer, measurements.offset.shape[1] - 1
         self._open(target, observer)
         used = np.zeros(step.size, dtype=bool)
-        blind = self._blind.advance(measurements.where(used), covariance=True)
+        blind = self._blind.advance(measurements.where(used), covariance=True, final=final)
         known = []
         for group in self._groups:
             rows = (observer == group.observer) & np.isin(target, group.targets)
             own = measurements.where(rows)
             own = own._replace(offset=np.ascontiguousarray(own.offset[group.targets]))
-            known.append((group, group.estimator.advance(own, covariance=True)))
+            known.append((group, group.estimator.advance(own, covariance=True, final=final)))
             used[rows] = known[-1][1].used
         since = np.where(self._informed, 0, n_steps)
         np.minimum.at(since, (observer[used], target[used]), step[used])
