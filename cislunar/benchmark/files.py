@@ -43,6 +43,7 @@ Array = NDArray[np.float64]
 SCENARIO, EXPOSURES, DETECTIONS = "scenario.yaml", "exposures.csv", "detections.csv"
 OBSERVERS, ADES, MANIFEST = "observers.oem", "detections.psv", "manifest.json"
 TRUTH = "truth/truth.nc"
+_PUBLIC = (SCENARIO, EXPOSURES, DETECTIONS, ADES, OBSERVERS)
 
 _HOUR_S = 3600.0
 _SPARE_S = 600.0
@@ -130,8 +131,7 @@ def checksum(path: Path) -> str:
 
 def write_manifest(folder: Path) -> None:
     """Write the checksums of all files of a benchmark."""
-    names = (SCENARIO, EXPOSURES, DETECTIONS, ADES, OBSERVERS, TRUTH)
-    sums = {name: checksum(folder / name) for name in names}
+    sums = {name: checksum(folder / name) for name in (*_PUBLIC, TRUTH)}
     write_text(json.dumps({"sha256": sums}, indent=2) + "\n", folder / MANIFEST)
 
 
@@ -167,8 +167,7 @@ def read_scenario(folder: str | Path) -> BenchmarkScenario:
     """
     path = Path(folder) / SCENARIO
     text = read_text(path, "a benchmark's scenario")
-    public = (SCENARIO, EXPOSURES, DETECTIONS, OBSERVERS)
-    _require_unchanged(Path(folder), public, "get the original file")
+    _require_unchanged(Path(folder), _PUBLIC, "get the original file")
     try:
         given: Any = yaml.safe_load(text)
         return BenchmarkScenario(**given)

@@ -247,11 +247,19 @@ class SurveyCatalog:
                 settings=self.lineage, watch=self._watch(), fit=self._fit,
             )  # fmt: skip
         self._predicted = None
-        if self.errors.treatment == "calibrated" and np.any(self.orbits.confirmed):
+        steady = self.orbits.confirmed.copy()
+        if self.maneuvers is not None:
+            # an impulse within an orbit is no error of the observers
+            steady[self.maneuvers.after[self.maneuvers.before == self.maneuvers.after]] = False
+        if self.errors.treatment == "calibrated" and np.any(steady):
             self.calibration = calibrate(
-                self.orbits.fits.take(np.flatnonzero(self.orbits.confirmed)), self._measured,
-                self.scene, self.errors.assumed, self.calibration, forces=self.forces,
-            )  # fmt: skip
+                self.orbits.fits.take(np.flatnonzero(steady)),
+                self._measured,
+                self.scene,
+                self.errors.assumed,
+                self.calibration,
+                forces=self.forces,
+            )
         return self.orbits
 
     def _fit(self, angles: Angles, *given: Any, forces: tuple) -> OrbitFits:

@@ -420,7 +420,9 @@ def test_a_truth_that_was_opened_or_changed_is_noticed(copy, references):
     wrong("is no manifest")
 
 
-@pytest.mark.parametrize("name", ["detections.csv", "exposures.csv", "scenario.yaml"])
+@pytest.mark.parametrize(
+    "name", ["detections.csv", "detections.psv", "exposures.csv", "observers.oem", "scenario.yaml"]
+)
 def test_changed_public_files_are_noticed(name, copy, tmp_path):
     with (copy / name).open("a") as file:
         file.write("\n")

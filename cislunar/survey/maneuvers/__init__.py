@@ -8,5 +8,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "lineage": ["Lineage", "OrbitPaths", "find_lineage", "orbit_paths"],
     "misses": ["FieldHistory", "log_missed"],
     "status": ["CURRENT", "LOST", "ManeuveredOrbits", "SUPERSEDED", "Watch", "maneuvered_orbits"],
+    "within": ["maneuvers_within"],
 })
 # fmt: on

@@ -146,13 +146,13 @@ def orbit_paths(
     state, covariance = np.empty((n, time.size, 6)), np.empty((n, time.size, 3, 3))
     for begin in range(0, n, _AT_ONCE):
         own = slice(begin, begin + _AT_ONCE)
-        moved, stm = _propagated(fits.state[own], fits.epoch[own], time, forces)
+        moved, stm = propagated(fits.state[own], fits.epoch[own], time, forces)
         state[own], upper = moved, stm[:, :, :3]
         covariance[own] = upper @ fits.covariance[own, None] @ upper.swapaxes(2, 3)
     return OrbitPaths(time, state, covariance)
 
 
-def _propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
+def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
     """States (n, m, 6) and transition matrices at common times; NaN where there is none."""
     given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
     try:
@@ -161,7 +161,7 @@ def _propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple
         if len(state) == 1:
             shape = 1, time.size, 6
             return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
-    parts = [_propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
+    parts = [propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
@@ -285,7 +285,7 @@ def _solved(
     if time.size == 0:
         return None
     pair = [a, b]
-    state, stm = _propagated(fits.state[pair], fits.epoch[pair], time, forces)
+    state, stm = propagated(fits.state[pair], fits.epoch[pair], time, forces)
     if not np.all(np.isfinite(state)):
         return None
     mapped = stm @ fits.covariance[pair, None]
@@ -305,8 +305,8 @@ def _solved(
     share = np.exp(log_weight - total)
     when = np.tile(time, len(solutions)) + shift
     mean_time = float(share @ when)
-    change_mean, change_covariance = _moments(share, change, change_spread)
-    correction, lower = _moments(share, moved, reduced)
+    change_mean, change_covariance = moments(share, change, change_spread)
+    correction, lower = moments(share, moved, reduced)
     return _Solution(
         total - np.log(len(solutions)),
         (mean_time, float(share @ (spread + (when - mean_time) ** 2))),
@@ -369,7 +369,7 @@ def _truncated(
     return np.where(usual, mean, nearest), np.where(usual, spread / root**2, width**2 / 12.0)
 
 
-def _moments(share: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
+def moments(share: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
     """Mean and covariance of a mixture."""
     whole = share @ mean
     off = mean - whole

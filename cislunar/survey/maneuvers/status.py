@@ -22,6 +22,7 @@ from cislunar.orbit_determination import (
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
 from cislunar.survey.maneuvers.misses import FieldHistory, log_missed
+from cislunar.survey.maneuvers.within import maneuvers_within
 from cislunar.survey.settings import LineageSettings
 
 CURRENT, LOST, SUPERSEDED = "current", "lost", "superseded"
@@ -103,7 +104,10 @@ def maneuvered_orbits(
     least = linking.confirmation.least_log_ratio
     single = np.array([each == ORBIT for each in linked.verdict], dtype=bool)
     own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
-    fits, sure = linked.fits.take(own), linked.confirmed[own].copy()
+    sure = linked.confirmed[own].copy()
+    inside = {"forces": forces, "settings": settings}
+    alone = linked.fits.take(own)
+    fits, within = maneuvers_within(alone, angles, **inside)
     status = np.full(linked.log_ratio.size, CURRENT, dtype=object)
     last = angles.time[fits.row[fits.begin[1:] - 1]]
     now = float(angles.time[-1]) if angles.time.size else 0.0
@@ -117,6 +121,11 @@ def maneuvered_orbits(
     found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
     fits, changed = _divided(fits, angles, found, paths, linking, fit, given)
     if changed.size:
+        each = np.isin(np.arange(own.size), changed)
+        order = np.arange(own.size) + np.where(each, 0, own.size)
+        fits, within = maneuvers_within(
+            concatenate_fits([fits, alone], alone).take(order), angles, **inside
+        )
         last = angles.time[fits.row[fits.begin[1:] - 1]]
         paths = orbit_paths(fits, first, now, forces=forces)
         found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
@@ -125,12 +134,11 @@ def maneuvered_orbits(
     kept = [pair for pair in order.tolist() if _confirm(sure, found, pair)]
     found = Lineage(*(each[np.array(sorted(kept), dtype=np.int64)] for each in found))
     before, after = own[found.before], own[found.after]
-    all_fits = linked.fits
-    if changed.size:
-        parts = [all_fits.take([k]) for k in range(all_fits.epoch.size)]
-        for k in changed.tolist():
-            parts[own[k]] = fits.take([k])
-        all_fits = concatenate_fits(parts, all_fits)
+    found = found._replace(before=before, after=after)
+    within = within._replace(before=own[within.before], after=own[within.after])
+    rest = np.flatnonzero(~np.isin(np.arange(linked.log_ratio.size), own))
+    order = np.argsort(np.concatenate([own, rest]))
+    all_fits = concatenate_fits([fits, linked.fits.take(rest)], linked.fits).take(order)
     state, covariance, root = (each.copy() for each in all_fits[1:4])
     for pair, k in enumerate(after.tolist()):
         if not linked.confirmed[k]:
@@ -152,7 +160,7 @@ def maneuvered_orbits(
     return ManeuveredOrbits(
         linked._replace(fits=fits, confirmed=confirmed),
         tuple(status.tolist()),
-        found._replace(before=before, after=after),
+        Lineage(*(np.concatenate(each) for each in zip(found, within, strict=True))),
     )
 
 

@@ -1,0 +1,190 @@
+"""Maneuvers within the detections of an orbit.
+
+One fit may agree with the detections on both sides of a small maneuver: its bias is significant
+against the covariance of the orbit long before chi squared of all detections is. About a fit, let r
+be the standardized residuals, A their derivatives by the state at the epoch, and B(t) those by an
+impulse at the time t before it. With the rate of maneuvers and the normal prior of changes of
+velocity of `cislunar.survey.maneuvers.lineage`, the ratio of the likelihoods of one maneuver and of
+none is
+
+    L = rate int mean over s of |1 + s^2 G|^(-1/2) exp(d' (G + s^-2)^-1 d / 2) dt,             (1)
+    G = B' Q B,   d = B' Q r,   Q = 1 - A (A' A)^-1 A',
+
+the generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
+21, 108) with a prior. If L exceeds 1, the state is that after a maneuver, with the moments of the
+mixture over times and scales. If the maneuver is certain, another one is sought with the
+derivatives by the most probable one among those of A.
+
+Assumptions and limitations
+---------------------------
+- A maneuver is an impulse.
+- Residuals are linear in the impulse, as they are if one fit nearly agrees with them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logsumexp
+
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics import VELOCITY_UNIT_M_S
+from cislunar.orbit_determination import Angles, OrbitFits
+from cislunar.survey.maneuvers.lineage import Lineage, moments, propagated
+from cislunar.survey.settings import LineageSettings
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_COARSE_S, _FINE_S, _WORTH = 900.0, 60.0, 20.0
+"""Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of
+the integrand is at most `_WORTH` below the largest."""
+
+_MOST = 4
+"""Maneuvers that are sought within an orbit."""
+
+
+def maneuvers_within(
+    fits: OrbitFits, angles: Angles, *, forces: tuple, settings: LineageSettings
+) -> tuple[OrbitFits, Lineage]:
+    """Orbits whose states and covariances allow for maneuvers between their detections.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits, each at the time of its last detection.
+    angles : Angles
+        Detections, to whose rows the fits refer.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    settings : LineageSettings
+
+    Returns
+    -------
+    fits : OrbitFits
+        With other states, covariances and roots of the orbits that contain a maneuver with a
+        probability of at least one half; residuals are those of the given fits.
+    lineage : Lineage
+        Maneuvers of at least `settings.least_probability`, each of which has the same orbit before
+        and after it.
+    """
+    state, covariance, root = (each.copy() for each in fits[1:4])
+    rows: list[tuple] = []
+    for k in range(fits.epoch.size):
+        found = _Search(fits, k, angles, forces, settings)
+        rows += found.maneuvers()
+        if found.moved:
+            state[k], covariance[k] = found.state, found.covariance
+            value, axes = np.linalg.eigh(covariance[k])
+            root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
+    shapes = ((), (), (), (), (), (), (3,), (3, 3), (6,), (6, 6))
+    columns = zip(*rows, strict=True) if rows else [()] * len(shapes)
+    lineage = Lineage(
+        *(np.array(each, dtype=np.int64 if c < 2 else float).reshape(-1, *shapes[c])
+          for c, each in enumerate(columns))
+    )  # fmt: skip
+    return fits._replace(state=state, covariance=covariance, root=root), lineage
+
+
+class _Search:
+    """Search within one orbit. `state` and `covariance` are those of the mixture so far."""
+
+    def __init__(
+        self, fits: OrbitFits, k: int, angles: Angles, forces: tuple, settings: LineageSettings
+    ) -> None:
+        self.k, self.settings, self.forces, self.moved = k, settings, forces, False
+        self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
+        self.state, self.covariance = fits.state[k], fits.covariance[k]
+        own = angles.rows(fits.row[fits.begin[k] : fits.begin[k + 1]])
+        self.time = own.time
+        path, stm = (each[0] for each in propagated(self.start, self.epoch, own.time, forces))
+        way = path[:, :3] - own.observer_position
+        along = np.sum(way * own.direction, axis=1)
+        basis = own.basis / along[:, None, None]
+        white = np.linalg.solve(np.linalg.cholesky(own.covariance), basis)
+        self.residual = -np.einsum("nac,nc->na", white, way).ravel()
+        self.by_state = white @ stm[:, :3]
+        self.scales = np.array(settings.scales_m_s)[:, None] / VELOCITY_UNIT_M_S
+        self.rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
+
+    def _impulses(self, time: Array, more: int) -> Array:
+        """Derivatives (time, 2 row + more, 3) of residuals by impulses, with rows of zero."""
+        inverse = np.linalg.inv(propagated(self.start, self.epoch, time, self.forces)[1][0])
+        # an impulse moves what is before it, as the state is that of the last detection
+        before = self.time < time[:, None]
+        shift = -np.einsum("nai,tij->tnaj", self.by_state, inverse[:, :, 3:])
+        shift = (shift * before[..., None, None]).reshape(time.size, -1, 3)
+        return np.concatenate([shift, np.zeros((time.size, more, 3))], axis=1)
+
+    def _integrand(
+        self, q: Array, left: Array, impulse: Array, width: Array
+    ) -> tuple[Array, Array, Array]:
+        """Logarithms (scale, time) of the parts of equation (1), and changes of velocity with their
+        covariances; `q` is an orthonormal basis of the derivatives by all else, and `left` are the
+        residuals without them."""
+        free = impulse - q @ (q.T @ impulse)
+        g, d = free.swapaxes(1, 2) @ free, free.swapaxes(1, 2) @ left
+        squared = self.scales[..., None, None] ** 2
+        spread = np.linalg.inv(g + np.eye(3) / squared)
+        change = np.einsum("stij,tj->sti", spread, d)
+        whole = np.linalg.slogdet(np.eye(3) + squared * g)[1]
+        log_part = 0.5 * (np.einsum("sti,ti->st", change, d) - whole)
+        return log_part + np.log(self.rate * width / self.scales.size), change, spread
+
+    def maneuvers(self) -> list[tuple]:
+        """Rows of a `Lineage`; changes the state and the covariance."""
+        rows: list[tuple] = []
+        given, base = (self.state, self.covariance), None
+        design, residual = self.by_state.reshape(-1, 6), self.residual
+        span = self.time[-1] - self.time[0]
+        count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
+        coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
+        parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
+        while count and len(rows) < _MOST:
+            more = residual.size - self.residual.size
+            length = np.linalg.norm(design, axis=0)
+            q, triangle = np.linalg.qr(design / length)
+            inverse = np.linalg.inv(triangle) / length[:, None]
+            left = residual - q @ (q.T @ residual)
+            width = np.full(count, span / count)
+            log_part, *_ = self._integrand(q, left, self._impulses(coarse, more), width)
+            if logsumexp(log_part) < 0.0:
+                break
+            near = coarse[log_part.max(axis=0) >= log_part.max() - _WORTH]
+            width = np.full(near.size * parts, width[0] / parts)
+            offset = width[0] * (np.arange(parts) - 0.5 * (parts - 1))
+            time = (near[:, None] + offset).ravel()
+            impulse = self._impulses(time, more)
+            log_part, change, spread = self._integrand(q, left, impulse, width)
+            log_ratio = float(logsumexp(log_part))
+            if log_ratio < 0.0:
+                break
+            probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
+            gain = -(inverse @ (q.T @ impulse))[:, :6]
+            covariance = (inverse @ inverse.T)[:6, :6]
+            base = covariance if base is None else base
+            shift, extra = moments(
+                share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),
+                (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
+            )  # fmt: skip
+            still = given[0] + (inverse @ (q.T @ residual))[:6]
+            self.moved = True
+            self.state, self.covariance = still + shift, given[1] + covariance - base + extra
+            if probability < self.settings.least_probability:
+                break
+            at = share.sum(axis=0)
+            when = float(at @ time)
+            variance = float(at @ (time - when) ** 2) + width[0] ** 2 / 12.0
+            velocity, between = moments(
+                share.ravel(), change.reshape(-1, 3), spread.reshape(-1, 3, 3)
+            )
+            rows.append((
+                self.k, self.k, log_ratio, probability, when, np.sqrt(variance),
+                VELOCITY_UNIT_M_S * velocity, VELOCITY_UNIT_M_S**2 * between,
+                self.state, self.covariance,
+            ))  # fmt: skip
+            # further ones are sought beside the most probable one, with its prior
+            scale, best = np.unravel_index(np.argmax(share), share.shape)
+            n = design.shape[1]
+            prior = np.eye(3, n + 3, n) / self.scales[scale]
+            design = np.concatenate([np.concatenate([design, impulse[best]], axis=1), prior])
+            residual = np.concatenate([residual, np.zeros(3)])
+        return rows
