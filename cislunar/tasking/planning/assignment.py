@@ -44,8 +44,10 @@ class Assignment:
 
 
 def _exact(information: Array) -> NDArray[np.int64]:
-    """Best assignment, by SciPy's shortest augmenting paths."""
-    rows, columns = linear_sum_assignment(information, maximize=True)
+    """Best assignment, by SciPy's shortest augmenting paths. SciPy copies a matrix to maximize."""
+    np.negative(information, out=information)
+    rows, columns = linear_sum_assignment(information)
+    np.negative(information, out=information)
     target = np.full(information.shape[0], IDLE, dtype=np.int64)
     target[rows] = columns
     return target

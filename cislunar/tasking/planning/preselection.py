@@ -100,8 +100,8 @@ def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> A
             target = np.append(columns, IDLE)[best.target]  # IDLE is the index of the last
             return Assignment(target, best.information, best.history)
         else:
-            del few  # memory
             compute(~known, bound)
+            del few, known, selected  # the matrix may fill the memory
             break
     return assign(bound)
 
