@@ -1,6 +1,5 @@
 """The tables of surveys without a catalog, from the studies that consist of surveys."""
 
-import math
 from collections.abc import Callable
 from functools import partial
 
@@ -44,8 +43,7 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
         found = own.set_index("quantity")
         rows.append([
             name.replace("-", " "), f"{day:g}", int(own["seeds"].max()),
-            *(stated(found, *column, least=-math.inf if "+" in column[1] else 0.0)
-              for column in columns.values()),
+            *(stated(found, *column) for column in columns.values()),
         ])  # fmt: skip
     return {"table": markdown_table(["Survey", "Days", "Realizations", *columns], rows)}
 

@@ -88,10 +88,9 @@ def stated(
     form: str,
     factor: float = 1.0,
     of: str = "mean",
-    least: float = -math.inf,
 ) -> str:
-    """A number of a cell whose rows have their quantity as index, with its interval, if it has one,
-    from `least` on; of a statistic other than the mean or the value the number alone."""
+    """A number of a cell whose rows have their quantity as index, with its interval, if it has one;
+    of a statistic other than the mean or the value the number alone."""
     if quantity not in rows.index:
         return DASH
     value, low, high = factor * rows.loc[quantity, [of, "low", "high"]].to_numpy(dtype=float)
@@ -99,7 +98,7 @@ def stated(
         return DASH
     if of not in ("mean", "value") or not math.isfinite(low):
         return f"{value:{form}}"
-    return f"{value:{form}} [{max(low, least):{form}}, {high:{form}}]"
+    return f"{value:{form}} [{low:{form}}, {high:{form}}]"
 
 
 def shown(cell: Cell, column: Column, of: str | None = None) -> str:

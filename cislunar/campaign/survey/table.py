@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from cislunar.campaign.settings.tree import StatedSurvey
-from cislunar.evaluation.intervals import t_interval
+from cislunar.evaluation.intervals import Interval, count_interval, share_interval, t_interval
 from cislunar.survey import SOURCES
 
 QUANTITIES = (
@@ -24,6 +25,17 @@ minus those of the same realization of the first survey, if both have the same o
 and false orbits among the confirmed ones. `search_cost`: increase of `error_known_km` over that of
 the same realization of a survey with the same settings that stops searching
 (`search.search_days`), as a share of the latter."""
+
+_COUNTS = ("wrong", "false", "duplicate")
+"""Quantities that are often zero."""
+
+_SHARES = {
+    "linked_share": "findable", "completeness": "findable", "custody": "findable",
+    "completeness_all": "objects", "wrong_share": "confirmed",
+}  # fmt: skip
+"""Shares, and what they are of."""
+
+_SIGNED = ("right_difference", "search_cost")
 
 _PLACE = (
     "survey", "scenario", "architecture", "targets", "outside_families", "dynamics", "prior",
@@ -92,13 +104,27 @@ def catalog_rows(
                 values = values[np.isfinite(values)]
                 if values.size == 0:
                     continue
-                interval = t_interval(values)
+                interval = _interval(quantity, values, own)
                 rows.append(
                     {**place, "day": day, "quantity": quantity, "mean": interval.mean,
                      "low": interval.low, "high": interval.high, "smallest": values.min(),
                      "largest": values.max(), "seeds": values.size}
                 )  # fmt: skip
     return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
+
+
+def _interval(quantity: str, values: NDArray[np.float64], rows: pd.DataFrame) -> Interval:
+    """Mean and interval of a quantity, limited to possible values; of counts and shares no narrower
+    than exact, so that none in a few realizations does not seem to be never."""
+    if quantity in _COUNTS:
+        return count_interval(values)
+    if quantity in _SHARES:
+        return share_interval(values, max(1, round(float(rows[_SHARES[quantity]].mean()))))
+    found = t_interval(values)
+    if quantity in _SIGNED:
+        return found
+    most = 1.0 if quantity == "purity" or quantity.startswith("completeness") else np.inf
+    return found._replace(low=max(found.low, 0.0), high=min(found.high, max(most, found.mean)))
 
 
 def _searching(survey: StatedSurvey) -> StatedSurvey:
