@@ -42,6 +42,7 @@ from cislunar.survey.maneuvers import (
     Lineage,
     Watch,
     maneuvered_orbits,
+    maneuvers_within,
 )
 from cislunar.survey.navigation import (
     ObserverCalibration,
@@ -94,6 +95,8 @@ class SurveyCatalog:
         Of all observers. Without them and a scene, no orbit is lost.
     magnitude_sigma : float
         Standard deviation of magnitudes about those of a sphere, mag, for lost orbits.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object.
     errors : ObserverErrors, optional
         Assumed errors of the observers and their treatment, which needs a scene; none if omitted.
 
@@ -124,12 +127,14 @@ class SurveyCatalog:
         lineage: LineageSettings | None = None,
         limits: SensorLimits | None = None,
         magnitude_sigma: float = 0.4,
+        radiation_sigma: float = 0.0,
         errors: ObserverErrors | None = None,
     ) -> None:
         self.scene, self.forces, self.process = scene, forces, process
         self.region, self.linking, self.settings = region, linking, tracklets
         self.lineage = LineageSettings() if lineage is None else lineage
         self.limits, self.magnitude_sigma = limits, magnitude_sigma
+        self.radiation_sigma = radiation_sigma
         self.errors = ObserverErrors() if errors is None else errors
         self.calibration: ObserverCalibration | None = None
         if self.errors.treatment != "none":
@@ -241,10 +246,18 @@ class SurveyCatalog:
             self.orbits = self.orbits._replace(
                 fits=considered(self.orbits.fits, *given, forces=self.forces)
             )
-        if self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
+        uncertain = {"settings": self.lineage, "radiation_sigma": self.radiation_sigma}
+        if self.lineage.maneuvers_per_day == 0.0 and self.radiation_sigma > 0.0:
+            own, given = np.flatnonzero(self.orbits.confirmed), self.orbits.fits
+            fits, _ = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
+            changed = [each.copy() for each in given[1:4]]
+            for each, new in zip(changed, fits[1:4], strict=True):
+                each[own] = new
+            self.orbits = self.orbits._replace(fits=OrbitFits(given[0], *changed, *given[4:]))
+        elif self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
             self.orbits, self.status, self.maneuvers = maneuvered_orbits(
                 self.orbits, angles, forces=self.forces, region=self.region, linking=self.linking,
-                settings=self.lineage, watch=self._watch(), fit=self._fit,
+                **uncertain, watch=self._watch(), fit=self._fit,
             )  # fmt: skip
         self._predicted = None
         steady = self.orbits.confirmed.copy()

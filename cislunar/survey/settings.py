@@ -143,6 +143,9 @@ class SurveyModel(Section):
     magnitude_sigma: Positive = setting(
         "standard deviation of an object's magnitudes about those of a sphere, which the search "
         "assumes", "mag", default=0.4)
+    radiation_sigma: NotNegative = setting(
+        "standard deviation of the radiation pressure on an object over the assumed one, which is "
+        "estimated with its orbit; 0: known", "1", default=0)
     kernel_deg: Positive = setting(
         "standard deviation of the directions of objects about that of a particle", "deg",
         default=1)

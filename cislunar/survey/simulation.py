@@ -236,6 +236,7 @@ class _Survey:
         self.catalog = SurveyCatalog(
             scene, forces, settings.process, settings.region, settings.linking, settings.tracklets,
             lineage=settings.lineage, limits=limits, magnitude_sigma=settings.magnitude_sigma,
+            radiation_sigma=settings.radiation_sigma,
             errors=errors,
         )  # fmt: skip
         self.sigma = np.hypot(settings.magnitude_sigma, np.sqrt(limits.noise_variance[:, :1]))

@@ -77,6 +77,7 @@ def maneuvered_orbits(
     region: AdmissibleRegion,
     linking: LinkingSettings,
     settings: LineageSettings,
+    radiation_sigma: float = 0.0,
     watch: Watch | None = None,
     fit: Callable[..., OrbitFits] = fit_orbits,
 ) -> ManeuveredOrbits:
@@ -92,6 +93,8 @@ def maneuvered_orbits(
     region : AdmissibleRegion
     linking : LinkingSettings
     settings : LineageSettings
+    radiation_sigma : float
+        See `cislunar.survey.maneuvers.maneuvers_within`.
     watch : Watch, optional
         Without it no orbit is lost.
     fit : callable
@@ -105,7 +108,7 @@ def maneuvered_orbits(
     single = np.array([each == ORBIT for each in linked.verdict], dtype=bool)
     own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
     sure = linked.confirmed[own].copy()
-    inside = {"forces": forces, "settings": settings}
+    inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma}
     alone = linked.fits.take(own)
     fits, within = maneuvers_within(alone, angles, **inside)
     status = np.full(linked.log_ratio.size, CURRENT, dtype=object)

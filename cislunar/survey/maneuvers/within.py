@@ -1,4 +1,4 @@
-"""Maneuvers within the detections of an orbit.
+"""Maneuvers within the detections of an orbit, and its radiation pressure.
 
 One fit may agree with the detections on both sides of a small maneuver: its bias is significant
 against the covariance of the orbit long before chi squared of all detections is. About a fit, let r
@@ -15,10 +15,15 @@ the generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on 
 mixture over times and scales. If the maneuver is certain, another one is sought with the
 derivatives by the most probable one among those of A.
 
+If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
+derivative by it, and its prior is a further residual.
+
 Assumptions and limitations
 ---------------------------
 - A maneuver is an impulse.
-- Residuals are linear in the impulse, as they are if one fit nearly agrees with them.
+- Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
+  them.
+- Predictions after the epoch are those of the assumed radiation pressure.
 """
 
 import numpy as np
@@ -27,6 +32,7 @@ from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
+from cislunar.dynamics.radiation import Radiation
 from cislunar.orbit_determination import Angles, OrbitFits
 from cislunar.survey.maneuvers.lineage import Lineage, moments, propagated
 from cislunar.survey.settings import LineageSettings
@@ -43,9 +49,15 @@ _MOST = 4
 
 
 def maneuvers_within(
-    fits: OrbitFits, angles: Angles, *, forces: tuple, settings: LineageSettings
+    fits: OrbitFits,
+    angles: Angles,
+    *,
+    forces: tuple,
+    settings: LineageSettings,
+    radiation_sigma: float = 0.0,
 ) -> tuple[OrbitFits, Lineage]:
-    """Orbits whose states and covariances allow for maneuvers between their detections.
+    """Orbits whose states and covariances allow for maneuvers between their detections, and for an
+    uncertain radiation pressure.
 
     Parameters
     ----------
@@ -56,12 +68,16 @@ def maneuvers_within(
     forces : NamedTuple
         CR3BP or ephemeris forces.
     settings : LineageSettings
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is as in
+        `forces`.
 
     Returns
     -------
     fits : OrbitFits
         With other states, covariances and roots of the orbits that contain a maneuver with a
-        probability of at least one half; residuals are those of the given fits.
+        probability of at least one half, and of all if the radiation pressure is uncertain;
+        residuals are those of the given fits.
     lineage : Lineage
         Maneuvers of at least `settings.least_probability`, each of which has the same orbit before
         and after it.
@@ -69,7 +85,7 @@ def maneuvers_within(
     state, covariance, root = (each.copy() for each in fits[1:4])
     rows: list[tuple] = []
     for k in range(fits.epoch.size):
-        found = _Search(fits, k, angles, forces, settings)
+        found = _Search(fits, k, angles, forces, settings, radiation_sigma)
         rows += found.maneuvers()
         if found.moved:
             state[k], covariance[k] = found.state, found.covariance
@@ -84,11 +100,24 @@ def maneuvers_within(
     return fits._replace(state=state, covariance=covariance, root=root), lineage
 
 
+def _inverse(design: Array) -> tuple[Array, Array]:
+    """An orthonormal basis q of the columns of a matrix, and the inverse of q' design."""
+    length = np.linalg.norm(design, axis=0)
+    q, triangle = np.linalg.qr(design / length)
+    return q, np.linalg.inv(triangle) / length[:, None]
+
+
 class _Search:
     """Search within one orbit. `state` and `covariance` are those of the mixture so far."""
 
     def __init__(
-        self, fits: OrbitFits, k: int, angles: Angles, forces: tuple, settings: LineageSettings
+        self,
+        fits: OrbitFits,
+        k: int,
+        angles: Angles,
+        forces: tuple,
+        settings: LineageSettings,
+        radiation_sigma: float,
     ) -> None:
         self.k, self.settings, self.forces, self.moved = k, settings, forces, False
         self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
@@ -102,6 +131,13 @@ class _Search:
         white = np.linalg.solve(np.linalg.cholesky(own.covariance), basis)
         self.residual = -np.einsum("nac,nc->na", white, way).ravel()
         self.by_state = white @ stm[:, :3]
+        # in standard deviations of the factor
+        self.by_factor = np.empty((self.residual.size, 0))
+        if radiation_sigma > 0.0 and isinstance(getattr(forces, "radiation", None), Radiation):
+            strength = forces.radiation.strength * (1.0 + radiation_sigma)
+            changed = forces._replace(radiation=forces.radiation._replace(strength=strength))
+            shift = propagated(self.start, self.epoch, own.time, changed)[0][0] - path
+            self.by_factor = np.einsum("nac,nc->na", white, shift[:, :3]).reshape(-1, 1)
         self.scales = np.array(settings.scales_m_s)[:, None] / VELOCITY_UNIT_M_S
         self.rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
 
@@ -134,15 +170,22 @@ class _Search:
         rows: list[tuple] = []
         given, base = (self.state, self.covariance), None
         design, residual = self.by_state.reshape(-1, 6), self.residual
+        if self.by_factor.size and np.all(np.isfinite(self.by_factor)):
+            base = _inverse(design)[1]
+            base = base @ base.T
+            design = np.block([[design, self.by_factor], [np.zeros((1, 6)), np.ones((1, 1))]])
+            residual = np.append(residual, 0.0)
+            q, inverse = _inverse(design)
+            self.moved = True
+            self.state = given[0] + (inverse @ (q.T @ residual))[:6]
+            self.covariance = given[1] + (inverse @ inverse.T)[:6, :6] - base
         span = self.time[-1] - self.time[0]
         count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
-        while count and len(rows) < _MOST:
+        while count and self.rate > 0.0 and len(rows) < _MOST:
             more = residual.size - self.residual.size
-            length = np.linalg.norm(design, axis=0)
-            q, triangle = np.linalg.qr(design / length)
-            inverse = np.linalg.inv(triangle) / length[:, None]
+            q, inverse = _inverse(design)
             left = residual - q @ (q.T @ residual)
             width = np.full(count, span / count)
             log_part, *_ = self._integrand(q, left, self._impulses(coarse, more), width)
