@@ -21,7 +21,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "local_axes", "propagate_with_impulses"],
     "propagation": ["advance_orbits", "closest_approaches", "propagate", "propagate_many",
         "propagate_periodic", "propagate_stm"],
-    "radiation": ["SOLAR_PRESSURE_N_M2", "SUN_RADIUS_KM", "visible_sun"],
+    "radiation": ["Radiation", "SOLAR_PRESSURE_N_M2", "SUN_RADIUS_KM", "visible_sun"],
     "tableau": ["A8", "ERROR8_3", "ERROR8_5", "STAGES8"],
 })
 # fmt: on

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.dynamics.radiation import Radiation
+from cislunar.dynamics import VELOCITY_UNIT_M_S, Radiation
 from cislunar.orbit_determination import Angles, OrbitFits
 from cislunar.survey.maneuvers.lineage import Lineage, moments, propagated
 from cislunar.survey.settings import LineageSettings
