@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 
 class Outputs(NamedTuple):
     """What an estimator returns besides the motion: estimated body parameters, the status of the
-    attitude after a choice between models of the body, and tests for maneuvers."""
+    attitude, and tests for maneuvers."""
 
     parameters: bool = False
-    models: bool = False
+    status: bool = False
     maneuvers: bool = False
 
 
@@ -65,8 +65,8 @@ def _estimated(_settings: LoopSettings, outputs: Outputs) -> bool:
     return outputs.parameters
 
 
-def _chosen(_settings: LoopSettings, outputs: Outputs) -> bool:
-    return outputs.models
+def _with_status(_settings: LoopSettings, outputs: Outputs) -> bool:
+    return outputs.status
 
 
 def _tested(_settings: LoopSettings, outputs: Outputs) -> bool:
@@ -141,7 +141,7 @@ HISTORIES = {
     "attitude_status": History(
         "epoch", ("target",), "u1", "1",
         "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
-        "or reflection law differs from the assumed one", _chosen),
+        "or reflection law differs from the assumed one", _with_status),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(
