@@ -361,10 +361,11 @@ class EstimatorFactory(Protocol):
 
     A factory whose estimators estimate body parameters has an attribute `estimated_parameters`. Its
     estimators have `learned` and `searches`, see
-    `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators choose
-    between models of the body has `chooses_models` = True, and its estimators `attitude_status` and
-    `characterizations`. One whose estimators test for maneuvers has `tests_maneuvers` = True, see
-    `cislunar.estimation.maneuvers.factory.monitored`.
+    `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators state
+    whether attitudes are unique has `reports_status` = True, and its estimators `attitude_status`.
+    One whose estimators choose between models of the body has `chooses_models` = True, and its
+    estimators `characterizations`. One whose estimators test for maneuvers has `tests_maneuvers` =
+    True, see `cislunar.estimation.maneuvers.factory.monitored`.
     """
 
     def __call__(

@@ -63,6 +63,9 @@ class TrackingMetrics(NamedTuple):
         Whether the last state is within `Custody`; of every target, observed or not.
     custody_position, custody_attitude : ndarray of bool, shape (target,)
         The same of the position and of the attitude alone.
+    unique_share, anees_unique : ndarray, shape (target,)
+        Share of the time at whose steps the attitude was known by the last status before, and the
+        normalized squared error of the attitude, a mean over axes and these steps.
     """
 
     coverage: Array
@@ -78,6 +81,8 @@ class TrackingMetrics(NamedTuple):
     custody: NDArray[np.bool_]
     custody_position: NDArray[np.bool_]
     custody_attitude: NDArray[np.bool_]
+    unique_share: Array
+    anees_unique: Array
 
 
 class _Sums(NamedTuple):
@@ -191,7 +196,8 @@ class Evaluation:
         self._sums = _no_sums(n_targets, n_final)
         self._observed = np.zeros(n_targets, dtype=bool)
         self._custody, self._in_custody = custody, tuple(np.zeros((2, n_targets), dtype=bool))
-        self._done = 0
+        self._known, self._done = np.ones(n_targets, dtype=bool), 0
+        self._unique = np.zeros((3, n_targets))  # steps; squares, and their number
 
     def final(self, n_steps: int) -> NDArray[np.bool_]:
         """Which of the next steps are in the final hours."""
@@ -218,8 +224,8 @@ class Evaluation:
             Standard deviations of the Cramer-Rao bound, of which those of the final hours count.
             Metrics that depend on it are NaN without it.
         known : array_like of bool, shape (target,), optional
-            Whether the estimator takes the attitude as known; all, if omitted. Other attitudes are
-            not in custody.
+            Whether the estimator takes the attitude as known after the interval; all, if omitted.
+            Other attitudes are not in custody.
         """
         least = np.full(error.shape, np.nan) if bound is None else bound
         before = min(max(self._begin - self._done, 0), error.shape[1])
@@ -227,6 +233,12 @@ class Evaluation:
         position, attitude = self._custody.satisfied(error[:, -1])
         self._in_custody = position, attitude if known is None else attitude & np.asarray(known)
         _add(before, error, sigma, least, self._sums)
+        squares = (error[self._known, :, :3] / sigma[self._known, :, :3]) ** 2
+        finite = np.isfinite(squares)
+        total = np.where(finite, squares, 0.0).sum(axis=(1, 2)), finite.sum(axis=(1, 2))
+        self._unique[:, self._known] += (np.full(total[1].size, error.shape[1]), *total)
+        if known is not None:
+            self._known = np.array(known, dtype=bool)
         self._done += error.shape[1]
         last = slice(self._done - error.shape[1] + before - self._begin, self._done - self._begin)
         if last.stop > 0:
@@ -254,4 +266,6 @@ class Evaluation:
             np.rad2deg(np.sqrt(_mean_where_finite(sums.least))),
             self._in_custody[0] & self._in_custody[1],
             *self._in_custody,
+            self._unique[0] / self._done,
+            _quotient(self._unique[1], self._unique[2]),
         )

@@ -38,7 +38,6 @@ from cislunar.tasking.histories import (
     HISTORIES,
     ManeuverLog,
     ObservationLog,
-    Outputs,
     RecoveredLog,
     histories_text,
 )
@@ -205,13 +204,6 @@ class ClosedLoop:
         n_facets = int(np.diff(self.inputs.surfaces.first).max(initial=0))
         return getattr(self.inputs.factory, "estimated_parameters", BodyParameterPrior()).named(
             n_facets
-        )
-
-    @property
-    def outputs(self) -> Outputs:
-        """What the estimator returns besides the motion."""
-        return Outputs(
-            bool(self.estimated_parameters), self.inputs.chooses_models, self.inputs.tests_maneuvers
         )
 
     @property

@@ -17,10 +17,10 @@ from cislunar.tasking.settings import LoopSettings
 
 class Outputs(NamedTuple):
     """What an estimator returns besides the motion: estimated body parameters, the status of the
-    attitude after a choice between models of the body, and tests for maneuvers."""
+    attitude, and tests for maneuvers."""
 
     parameters: bool = False
-    models: bool = False
+    status: bool = False
     maneuvers: bool = False
 
 
@@ -49,7 +49,7 @@ _KEPT: dict[str, Callable[[LoopSettings, Outputs], bool]] = {
     "learned": lambda settings, outputs: settings.tasking.detection is not None,
     "associated": lambda settings, outputs: settings.association.in_field,
     "estimated": lambda settings, outputs: outputs.parameters,
-    "chosen": lambda settings, outputs: outputs.models,
+    "status": lambda settings, outputs: outputs.status,
     "tested": lambda settings, outputs: outputs.maneuvers,
 }
 """Whether a run keeps a history, by a name for the condition; other names are those of
@@ -122,7 +122,7 @@ HISTORIES = {
     "attitude_status": History(
         "epoch", ("target",), "u1", "1",
         "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
-        "or reflection law differs from the assumed one", "chosen"),
+        "or reflection law differs from the assumed one", "status"),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(

@@ -24,7 +24,7 @@ from cislunar.runtime import Array
 from cislunar.tasking.communication import Reception, arrivals
 from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.field_observations import associate_interval, observe_field
-from cislunar.tasking.histories import Outputs, kept_histories
+from cislunar.tasking.histories import kept_histories
 from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
 from cislunar.tasking.observer_truth import draw_observer_errors, shifted_angles
 from cislunar.tasking.planning import IDLE, LearnedDetection, expected_update
@@ -160,11 +160,9 @@ def _simulate(
     outcome[estimates.used & (outcome == DETECTED)] = USED
     _report(own, start, tasking, measurements, outcome, commanded, shaded)
     error = estimation_errors(1, motion, estimates)
-    chosen = inputs.chooses_models
-    known = own.estimator.attitude_status == UNIQUE if chosen else None
+    known = own.estimator.attitude_status == UNIQUE if inputs.reports_status else None
     own.evaluation.update(error, estimates.sigma, observed, least, known)
-    outputs = Outputs(bool(own.estimator.estimated_parameters), chosen, inputs.tests_maneuvers)
-    names = kept_histories(settings, outputs)
+    names = kept_histories(settings, inputs.outputs)
     some = settings.recorded_within(start, n_steps)
     values = {
         "assignment": _in_slots(tasking.target, settings)[None],
@@ -215,7 +213,7 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
         )
         found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
         found["searches"] = [own.estimator.searches]
-    if inputs.chooses_models:
+    if inputs.reports_status:
         found["attitude_status"] = [own.estimator.attitude_status]
     return found
 

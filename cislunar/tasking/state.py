@@ -17,7 +17,7 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation import Scene, TargetSurfaces
 from cislunar.runtime import Array
 from cislunar.tasking.communication.reception import Reception
-from cislunar.tasking.histories import ManeuverLog
+from cislunar.tasking.histories import ManeuverLog, Outputs
 from cislunar.tasking.initial_conditions import CHARACTERIZATION, stream
 from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
@@ -105,6 +105,17 @@ class SimulationInputs(NamedTuple):
             or settings.tasking.detection is not None
             or "visibility" in settings.record
         )
+
+    @property
+    def reports_status(self) -> bool:
+        """Whether the estimators state whether attitudes are unique."""
+        return getattr(self.factory, "reports_status", False)
+
+    @property
+    def outputs(self) -> Outputs:
+        """What the estimators return besides the motion."""
+        estimated = bool(getattr(self.factory, "estimated_parameters", False))
+        return Outputs(estimated, self.reports_status, self.tests_maneuvers)
 
     def true_motion(self, truth: TruthModel, seed: int) -> TrueMotion:
         """The true motion of a realization from the epoch on, given its sampled truth."""

@@ -20,12 +20,13 @@ from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import (
+    Hypotheses,
     condense,
     mixture_points,
     prior_hypotheses,
     search,
 )
-from cislunar.estimation.light_curves.levenberg_marquardt import refine
+from cislunar.estimation.light_curves.levenberg_marquardt import refine, squared_distance
 from cislunar.estimation.light_curves.light_curve import (
     OTHER_CAUSES,
     Anchor,
@@ -40,7 +41,7 @@ from cislunar.estimation.light_curves.mixture import (
 )
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, RANGE, SEEN, SUN, TIME, VIEW
 from cislunar.photometry.facets import apparent_magnitude
-from cislunar.photometry.materials import PRINTED
+from cislunar.photometry.materials import PRINTED, SCALE
 
 
 def _magnitudes(u, data, model):
@@ -175,7 +176,7 @@ def _several_modes(model, data):
     """Modes after three searches, and their number."""
     modes = prior_hypotheses(8)
     for _ in range(3):
-        search(modes, data, model, SEARCH, np.random.default_rng(2))
+        search(modes, data, model, SEARCH, np.random.default_rng(2), False)
     assert modes.count[0] > 1
     return modes, modes.count[0]
 
@@ -184,7 +185,7 @@ def _lowest(model, data, settings, searches=4):
     """Lowest cost among the modes found."""
     modes, rng = prior_hypotheses(settings.modes), np.random.default_rng(5)
     for _ in range(searches):
-        search(modes, data, model, settings, rng)
+        search(modes, data, model, settings, rng, False)
     live = modes.u[: modes.count[0]]
     return min(cost(u, data, anchor_of(), model, np.inf) for u in live)
 
@@ -228,6 +229,36 @@ def test_doubtful_fits_are_searched_again_and_clear_fits_are_not():
     assert modes.count[1] == 1  # the mode is there, and fits
 
 
+def test_a_mode_that_was_missed_is_found_afresh_and_suspect_until_data_confirm_it():
+    """The only live mode is far from the truth, and so certain that no point near it helps."""
+    model, modes = model_of(), prior_hypotheses(8)
+    data = _light_curve(TRUE, model)
+    modes.u[0], modes.root[0], modes.count[1] = -2.0, 1e3 * np.eye(6), 1
+    settings, rng = SEARCH._replace(searches=6), np.random.default_rng(5)
+    search_until_clear(modes, data, model, settings, rng)
+    assert squared_distance(TRUE, modes.u[0], modes.root[0]) < 25.0
+    assert 2 < modes.count[1] <= 7 and modes.count[2] == 1
+    search_until_clear(modes, data, model, settings, rng)
+    assert modes.count[2] == 0
+
+
+def test_a_search_afresh_draws_body_parameters_from_their_prior():
+    """Those of the live mode are wrong, and all its points have them."""
+    plain = model_of()
+    sigma, kinds = np.append(plain.sigma, 0.5), np.array([SCALE])
+    model = plain._replace(sigma=sigma, surface_kinds=kinds)
+    data = _light_curve(TRUE, plain)
+    wrong = prior_hypotheses(8, 7)
+    wrong.u[0, 6], wrong.root[0] = -3.0, np.diag([1.0] * 6 + [1e4])
+    found = []
+    for afresh in (False, True):
+        modes = Hypotheses(*(part.copy() for part in wrong))
+        alone = SEARCH._replace(warm_iterations=0, iterations=0)
+        search(modes, data, model, alone, np.random.default_rng(1), afresh)
+        found.append(modes.u[: modes.count[0], 6])
+    assert np.abs(found[0] + 3.0).max() < 1e-3 < np.abs(found[1] + 3.0).max()
+
+
 def test_weights_are_those_of_laplace():
     model, data = _many_minima()
     modes, live = _several_modes(model, data)
@@ -247,7 +278,7 @@ def test_search_is_reproducible_and_keeps_no_duplicates():
     found = []
     for _ in range(2):
         modes = prior_hypotheses(8)
-        search(modes, data, model, SEARCH, np.random.default_rng(2))
+        search(modes, data, model, SEARCH, np.random.default_rng(2), False)
         found.append(modes)
     np.testing.assert_array_equal(found[0].u, found[1].u)
     live = modes.count[0]
@@ -263,7 +294,7 @@ def test_condensed_data_leave_the_cost_near_a_mode():
     data = _light_curve(TRUE, model, n=200)
     modes = prior_hypotheses(2)
     for _ in range(3):
-        search(modes, data, model, SEARCH, np.random.default_rng(4))
+        search(modes, data, model, SEARCH, np.random.default_rng(4), False)
     u = modes.u[0].copy()
     nearby = u + np.linalg.solve(modes.root[0].T, 0.5 * np.ones(6))
     before = [cost(v, data, anchor_of(), model, np.inf) for v in (u, nearby)]
@@ -289,7 +320,7 @@ def test_condensed_modes_keep_their_anchors_when_their_order_changes():
     whole = cost(before[-1], np.vstack([data, later]), anchor_of(), model, np.inf)
     assert cost(before[-1], later, pasts[-1], model, np.inf) == pytest.approx(whole, rel=1e-9)
     alone = SEARCH._replace(starts=0, first_starts=0)
-    search(modes, later, model, alone, np.random.default_rng(3))
+    search(modes, later, model, alone, np.random.default_rng(3), False)
     origins = []
     for j in range(modes.count[0]):
         origin = int(np.argmin([np.abs(p.mean - modes.anchor_mean[j]).max() for p in pasts]))
@@ -338,7 +369,7 @@ def test_a_fading_memory_returns_to_the_prior():
     model = model_of()
     data = _light_curve(TRUE, model, n=100)
     modes = prior_hypotheses(1)
-    search(modes, data, model, SEARCH, np.random.default_rng(4))
+    search(modes, data, model, SEARCH, np.random.default_rng(4), False)
     u = modes.u[0].copy()
     before = cost(u, data, anchor_of(), model, np.inf)
     condense(modes, data, model, 0.5)

@@ -102,6 +102,20 @@ def test_final_attitude_error_is_the_rms_angle():
     np.testing.assert_allclose(final, [20.0 / np.sqrt(2.0), 0.0], rtol=1e-12)
 
 
+def test_anees_of_unique_attitudes_is_of_the_steps_after_that_status():
+    """By hand: two intervals; the status of the first target changes after the first one."""
+    error, sigma = np.zeros((2, N_STEPS, 12)), np.ones((2, N_STEPS, 12))
+    error[:, :, 0], error[:, 1:, 1] = 3.0, 6.0
+    found = metrics.Evaluation(2, N_STEPS, STEP_S)
+    for steps, known in ((slice(0, 1), [False, True]), (slice(1, None), [True, True])):
+        found.update(error[:, steps], sigma[:, steps], [True, True], known=known)
+    result = found.result()
+    np.testing.assert_allclose(result.unique_share, [1.0 / N_STEPS, 1.0])
+    later = (3.0 + 15.0 * (N_STEPS - 1)) / N_STEPS
+    np.testing.assert_allclose(result.anees_unique, [3.0, later])
+    np.testing.assert_allclose(result.anees_unique[1], result.anees[1, :3].mean())
+
+
 def test_custody_is_of_the_last_state_of_every_target():
     """By hand: position and attitude must be within 10 km and 5 deg at the end, and only then."""
 

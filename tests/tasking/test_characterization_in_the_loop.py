@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from cislunar.attitude.quaternion import attitude_matrix
-from cislunar.campaign.tracking.summary import BRIGHT_ROWS, _characterized
+from cislunar.campaign.tracking.summary import BRIGHT_ROWS, _characterized, _with_status
 from cislunar.errors import InputFileError
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -117,6 +117,9 @@ def _cell(status, rng):
         for name, each in values.items()
     })  # fmt: skip
     found["attitude_status"] = ("seed", "epoch", "target"), status[:, None]
+    share, squares = [0.5, 1.0, 0.5, 0.0, 0.0, 0.0], [2.0, 1.0, 4.0, np.nan, np.nan, np.nan]
+    found["unique_share"] = ("seed", "target"), [share]
+    found["anees_unique"] = ("seed", "target"), [squares]
     rows = np.full((1, count), BRIGHT_ROWS)
     rows[0, -1] = BRIGHT_ROWS - 1
     found["updates"] = ("seed", "target"), rows
@@ -125,7 +128,7 @@ def _cell(status, rng):
 
 def test_shares_of_bright_targets_within_their_intervals():
     cell = _cell(np.array([[0, 0, 1, 2, 2, 2]]), np.random.default_rng(0))
-    found = _characterized(cell, np.ones((1, 6), dtype=bool))
+    found = _characterized(cell) | _with_status(cell, np.ones((1, 6), dtype=bool))
     assert found["bright"] == [5]
     assert found["spin_period_within_share"] == pytest.approx(3 / 5)
     # half angles of 1, 4.8, 8.6, 12.4 and 16.2 deg against 5.7 deg
@@ -133,7 +136,9 @@ def test_shares_of_bright_targets_within_their_intervals():
     assert found["unknown_attitude_share"] == pytest.approx(1 / 2)
     assert found["unique_attitude_share"] == pytest.approx(1 / 3)
     assert found["spin_axis_width_median"] == pytest.approx(8.6)
-    nobody = _characterized(cell.assign(updates=0 * cell["updates"]), np.ones((1, 6), dtype=bool))
+    # over the time while they are unique: 0.5, 1 and 0.5 of it with squares of 2, 1 and 4
+    assert found["anees_unique"] == pytest.approx((0.5 * 2.0 + 1.0 + 0.5 * 4.0) / 2.0)
+    nobody = _characterized(cell.assign(updates=0 * cell["updates"]))
     assert nobody["bright"] == [0] and np.isnan(nobody["spin_period_within_share"]).all()
 
 

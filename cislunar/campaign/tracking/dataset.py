@@ -280,7 +280,7 @@ def _histories(loop: ClosedLoop) -> dict[str, Later]:
             "i1" if each.dtype == "bool" else each.dtype,
             _attributes(name, each.unit, each.long_name.format(frame=frame)),
         )
-        for name, each in kept_histories(settings, loop.outputs).items()
+        for name, each in kept_histories(settings, loop.inputs.outputs).items()
     }
     attributes = _attributes("valid", "1", "1 where a measurement was used")
     found["valid"] = Later(("seed", "time", "target"), "i1", attributes)
@@ -372,6 +372,19 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
             target, found.bound_attitude_deg, "degree",
             "root mean square attitude of the Cramer-Rao bound over the final hours"),
     }  # fmt: skip
+    if loop.inputs.reports_status:
+        described["unique_share"] = (
+            target,
+            found.unique_share,
+            "1",
+            "share of the time with the status unique, by the last attitude_status before",
+        )
+        described["anees_unique"] = (
+            target,
+            found.anees_unique,
+            "1",
+            "average normalized estimation error squared of the attitude over axes and that time",
+        )
     for name, (index, meaning) in _COUNTED.items():
         described[name] = (target, counters[..., index].astype(np.int32), "1", meaning)
     described["failed"] = (target, failed, "1", "0, or the reason for which the estimate ended")

@@ -114,6 +114,8 @@ WHERE_KEPT = {
             "1", f"share of observed targets whose attitude has the status {name} at the end")
         for name in ATTITUDE_STATUS_NAMES
     },
+    "anees_unique": (
+        "1", "component-wise ANEES of attitudes with status unique, mean over axes and time"),
     "bright": ("1", f"targets with at least {BRIGHT_ROWS} measurements used"),
     **{
         f"{name}_within_share": (
@@ -279,8 +281,10 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         found["missed"] = (visible & ~observed).sum(axis=1)
     if "gospa" in cell:
         found |= _associated(cell)
+    if "attitude_status" in cell:
+        found |= _with_status(cell, observed)
     if "spin_period" in cell:
-        found |= _characterized(cell, observed)
+        found |= _characterized(cell)
     for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
@@ -309,15 +313,27 @@ def characterized_in(cell: xr.Dataset) -> CharacterizedTargets:
     return CharacterizedTargets(*(cell[name].values for name in CharacterizedTargets._fields))
 
 
-def _characterized(cell: xr.Dataset, observed: NDArray[np.bool_]) -> dict[str, Array]:
-    """Quantities of the characterization of each realization."""
-    status, properties = cell["attitude_status"].values[:, -1], characterized_in(cell)
-    bright = cell["updates"].values >= BRIGHT_ROWS
+def _with_status(cell: xr.Dataset, observed: NDArray[np.bool_]) -> dict[str, Array]:
+    """Quantities of the status of attitudes of each realization."""
+    status = cell["attitude_status"].values[:, -1]
     found = {
         f"{name}_attitude_share": _over_targets(status == number, observed, np.mean)
         for number, name in enumerate(ATTITUDE_STATUS_NAMES)
     }
-    found["bright"] = bright.sum(axis=1)
+    squares, share = cell["anees_unique"].values, cell["unique_share"].values
+    counted = observed & np.isfinite(squares)
+    total = np.where(counted, share, 0.0).sum(axis=1)
+    squares = np.where(counted, share * squares, 0.0).sum(axis=1)
+    found["anees_unique"] = np.divide(
+        squares, total, out=np.full(total.shape, np.nan), where=total > 0.0
+    )
+    return found
+
+
+def _characterized(cell: xr.Dataset) -> dict[str, Array]:
+    """Quantities of the characterization of each realization."""
+    properties, bright = characterized_in(cell), cell["updates"].values >= BRIGHT_ROWS
+    found = {"bright": bright.sum(axis=1)}
     for name, inside in within_intervals(properties).items():
         found[f"{name}_within_share"] = _over_targets(inside, bright, np.mean)
     value, low, high = np.moveaxis(properties.spin_period, -1, 0)

@@ -64,6 +64,7 @@ _POOLED_QUANTITIES = (
     ("inconsistent_translation", "", "1"),
     ("failed", "", "1"),
     *((f"{name}_attitude_share", "", "1") for name in STATUS_NAMES),
+    ("anees_unique", "", "1"),
     ("bright", "", "1"),
     *((f"{name}_within_share", "", "1") for name in CHARACTERIZED),
     ("spin_period_width_median", "", "%"),

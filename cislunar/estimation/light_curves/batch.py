@@ -190,7 +190,9 @@ class BatchEstimator:
     def attitude_status(self) -> NDArray[np.int64]:
         """Per target, status of the attitude, see
         `cislunar.estimation.light_curves.model_selection.characterization`."""
-        return np.array([status_of(each) for each in self._tracks.selections], dtype=np.int64)
+        tracks = self._tracks
+        given = tracks.selections, tracks.hypotheses, tracks.points, tracks.fit.points.tolist()
+        return np.array([status_of(*each) for each in zip(*given, strict=True)], dtype=np.int64)
 
     def characterizations(
         self, rngs: Sequence[np.random.Generator]
@@ -393,4 +395,5 @@ def batch(
 
     make.estimated_parameters = settings.estimated_parameters
     make.chooses_models = settings.model_selection.effort > 0
+    make.reports_status = make.chooses_models or settings.most_searches > 1
     return make

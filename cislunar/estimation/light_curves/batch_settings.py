@@ -86,8 +86,8 @@ class BatchSettings(Section):
         "degrees of freedom of the prior of the magnitude noise's variance, over which the fit is "
         "marginalized; null: the variance is known", "1", default=None)
     most_searches: Count = setting(
-        "maximum number of searches of a fit whose residuals are too large or whose modes "
-        "disagree", default=1)
+        "maximum number of searches of a fit whose residuals are too large, whose modes disagree "
+        "or whose best mode is new; above 1 the attitude has a status", default=1)
     estimated_parameters: BodyParameterPrior = BodyParameterPrior()
     model_selection: ModelSelectionSettings = ModelSelectionSettings()
 

@@ -37,6 +37,10 @@ _FIRST_ROWS = 20
 _SCREENING_ROWS = 96
 """Number of rows of a light curve on which starts are screened."""
 
+_AROUND, _ROTATION_AFRESH, _AFRESH = range(3)
+"""Places of random points: around a live mode; the rotation from the prior and the other parameters
+from around a live mode; all parameters from the prior."""
+
 
 class Hypotheses(NamedTuple):
     """Modes of one target, best first; only the first ``count[0]`` are live.
@@ -44,7 +48,8 @@ class Hypotheses(NamedTuple):
     factors of their information H. `weight` (mode,): sum to 1 over the live modes. `anchor_mean`
     (mode, n), `anchor_information` (mode, n, n), `anchor_offset` (mode, 1): information of data no
     longer kept, see `cislunar.estimation.light_curves.light_curve.Anchor`. `count`: numbers of live
-    modes and of searches."""
+    modes and of searches, and whether the last fit is in doubt, see
+    `cislunar.estimation.light_curves.effort`."""
 
     u: Array
     root: Array
@@ -67,7 +72,7 @@ def prior_hypotheses(modes: int, size: int = ROTATION) -> Hypotheses:
         np.zeros((modes, size)),
         identity.copy(),
         np.zeros((modes, 1)),
-        np.array([1, 0]),
+        np.array([1, 0, 0]),
     )
 
 
@@ -91,13 +96,13 @@ def _draw_mode(hypotheses, rng):
 
 
 @njit_alloc
-def _draw(hypotheses, settings, from_anchor, rng, root, u):
-    """Draw a point around a mode, or from its anchor; returns the mode. From the anchor only the
-    rotation is drawn: the other parameters come from around the mode."""
+def _draw(hypotheses, settings, place, rng, root, u):
+    """Draw a point around a mode or from its anchor, the prior; returns the mode. `place` is
+    `_AROUND`, `_ROTATION_AFRESH` or `_AFRESH`."""
     j = _draw_mode(hypotheses, rng)
     for i in range(u.shape[0]):
         u[i] = rng.standard_normal()
-    if from_anchor:
+    if place != _AROUND:
         root[:, :] = hypotheses.anchor_information[j]
         cholesky(root)
         solve_transposed(root, u)
@@ -106,7 +111,7 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
         solve_transposed(hypotheses.root[j], u)
         u[:ROTATION] *= settings.spread
         u += hypotheses.u[j]
-    if from_anchor and u.shape[0] > ROTATION:
+    if place == _ROTATION_AFRESH and u.shape[0] > ROTATION:
         near = np.empty(u.shape[0])
         for i in range(near.shape[0]):
             near[i] = rng.standard_normal()
@@ -116,17 +121,15 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
 
 
 @njit_alloc
-def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng, points, origins):
-    """The `starts` draws of lowest cost from a random pool, into `points` and `origins`; their
-    number. Draws within the merging distance of a live mode are skipped, since they converge to
-    that mode."""
+def _lowest_of_pool(hypotheses, data, model, settings, draws, starts, place, rng, points, origins):
+    """The `starts` of lowest cost of some draws, into `points` and `origins`; their number. Draws
+    within the merging distance of a live mode are skipped, since they converge to that mode."""
     costs = np.full(starts, np.inf)
     size = hypotheses.u.shape[1]
     u, root = np.empty(size), np.empty((size, size))
     work, filled = make_cost_work(size), 0
-    draws = settings.pool if data.shape[0] < _FIRST_ROWS else settings.pool // 2
     for _ in range(draws):
-        j = _draw(hypotheses, settings, from_anchor, rng, root, u)
+        j = _draw(hypotheses, settings, place, rng, root, u)
         if _near_live_mode(u, hypotheses, settings.merge_distance):
             continue
         anchor = anchor_of(hypotheses, j)
@@ -156,16 +159,18 @@ def _near_live_mode(u, hypotheses, merge_distance):
 
 
 @njit_noalloc
-def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
-    """Starts from a random pool, half from the prior and half from around the live modes; their
-    number. For a short light curve all come from the prior."""
-    near = 0 if data.shape[0] < _FIRST_ROWS else starts // 2
+def _pool(hypotheses, data, model, settings, starts, prior, afresh, rng, points, origins):
+    """Starts from a random pool, all from the `prior` or half from around the live modes; their
+    number."""
+    near = 0 if prior else starts // 2
+    draws = settings.pool if prior else settings.pool // 2
+    place = _AFRESH if afresh else _ROTATION_AFRESH
     drawn = 0
-    for from_anchor, number in ((True, starts - near), (False, near)):
+    for where, number in ((place, starts - near), (_AROUND, near)):
         if number > 0:
             out = points[drawn:], origins[drawn:]
             drawn += _lowest_of_pool(
-                hypotheses, data, model, settings, number, from_anchor, rng, *out
+                hypotheses, data, model, settings, draws, number, where, rng, *out
             )
     return drawn
 
@@ -229,16 +234,19 @@ def _thinned(data):
 
 
 @njit_alloc
-def search(hypotheses, data, model, settings, rng):
+def search(hypotheses, data, model, settings, rng, afresh):
     """Find the modes of the posterior given the whole light curve. The live modes are refined, and
     so are the points of lowest cost from a random pool, first on a thinned light curve. The minima
-    are sorted by weight and merged, and the best are kept."""
+    are sorted by weight and merged, and the best are kept. All points of a search `afresh` come
+    from the prior, and so do their rotations while the light curve is short."""
     live, size = hypotheses.count[0], hypotheses.u.shape[1]
-    starts = settings.first_starts if data.shape[0] < _FIRST_ROWS else settings.starts
+    prior = afresh or data.shape[0] < _FIRST_ROWS
+    starts = settings.first_starts if prior else settings.starts
     found, origins = np.empty((live + starts, size)), np.empty(live + starts, np.int64)
     thin, total = _thinned(data), live
     if starts > 0:
-        total += _pool(hypotheses, thin, model, settings, starts, rng, found[live:], origins[live:])
+        out = found[live:], origins[live:]
+        total += _pool(hypotheses, thin, model, settings, starts, prior, afresh, rng, *out)
     roots, log_weights = np.empty((total, size, size)), np.empty(total)
     information, distance = np.empty((size, size)), settings.merge_distance
     kept, u = 0, np.empty(size)

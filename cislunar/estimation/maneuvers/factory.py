@@ -60,7 +60,8 @@ def monitored(
         return RecoveringEstimator(inner, test, threshold, model, settings, search)
 
     make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    make.chooses_models = getattr(factory, "chooses_models", False)
+    for name in ("chooses_models", "reports_status"):
+        setattr(make, name, getattr(factory, name, False))
     make.tests_maneuvers = True
     make.recovers = settings.recover
     make.maneuvers_per_day = settings.maneuvers_per_target_day if settings.recover else 0.0

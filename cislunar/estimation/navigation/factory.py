@@ -56,5 +56,6 @@ def navigated(
         return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
 
     make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    make.chooses_models = getattr(factory, "chooses_models", False)
+    for name in ("chooses_models", "reports_status"):
+        setattr(make, name, getattr(factory, name, False))
     return make

@@ -111,9 +111,14 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
     for candidate in selected.candidates:
         initial_state(candidate.minimum.u, model_of_rung(model, candidate.rung), quaternion, omega)
         attitudes.append(quaternion.copy())
-    cosine = np.abs(np.array(attitudes) @ attitudes[0])
-    near = cosine >= np.cos(0.5 * np.deg2rad(_SAME_ATTITUDE_DEG))
-    return UNIQUE if selected.weight[near].sum() >= _UNIQUE_SHARE else AMBIGUOUS
+    return agreement(np.array(attitudes), selected.weight)
+
+
+def agreement(quaternion: Array, weight: Array) -> int:
+    """`UNIQUE` if modes with attitudes (mode, 4) within 5 deg of the first one, the best, have at
+    least 95 % of the weight (mode,); else `AMBIGUOUS`."""
+    near = np.abs(quaternion @ quaternion[0]) >= np.cos(0.5 * np.deg2rad(_SAME_ATTITUDE_DEG))
+    return UNIQUE if weight[near].sum() >= _UNIQUE_SHARE else AMBIGUOUS
 
 
 def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.estimation.light_curves.hypotheses import Hypotheses
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.mixture import (
     mixture_moments,
@@ -13,9 +14,10 @@ from cislunar.estimation.light_curves.mixture import (
     weighted_deviations,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
-    UNIQUE,
+    AMBIGUOUS,
     UNKNOWN_BODY,
     Characterization,
+    agreement,
     attitude_status,
     characterize,
 )
@@ -121,9 +123,19 @@ def report_points(
     weighted_deviations(differences, weight, sigma)
 
 
-def status_of(selection: Selection | None) -> int:
-    """Status of the attitude; `UNIQUE` for a target without a light curve."""
-    return UNIQUE if selection is None else selection.status
+def status_of(
+    selection: Selection | None, hypotheses: Hypotheses, points: tuple[Array, ...], count: int
+) -> int:
+    """Status of the attitude: that of the selection if there is one; else `AMBIGUOUS` if the best
+    mode is suspect or the modes disagree about the present attitude, given by `count` points. A
+    target without a light curve is `UNIQUE`."""
+    if selection is not None:
+        return selection.status
+    live = int(hypotheses.count[0])
+    mode = points[0][:count].reshape(live, -1, 4)
+    mode = (mode * np.sign(mode @ mode[:, 0, :, None])).sum(axis=1)  # the points are close together
+    mode /= np.linalg.norm(mode, axis=1, keepdims=True)
+    return AMBIGUOUS if hypotheses.count[2] else agreement(mode, hypotheses.weight[:live])
 
 
 def characterized(

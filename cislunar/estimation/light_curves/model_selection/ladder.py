@@ -75,11 +75,11 @@ def search_modes(
         count = min(len(known), settings.modes)
         modes.u[:count], modes.count[0], rows = known[:count], count, len(data)
         modes.weight[:count] = 1.0 / count
-        search(modes, data, model, settings._replace(starts=0, first_starts=0), rng)
-        search(modes, data, model, settings, rng)
+        search(modes, data, model, settings._replace(starts=0, first_starts=0), rng, False)
+        search(modes, data, model, settings, rng, False)
     while rows < len(data):
         rows = min(len(data), max(_FIRST_ROWS, int(_GROWTH * rows)))
-        search(modes, data[:rows], model, settings, rng)
+        search(modes, data[:rows], model, settings, rng, False)
     return [u.copy() for u in modes.u[: modes.count[0]]]
 
 
