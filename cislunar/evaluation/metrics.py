@@ -235,8 +235,12 @@ class Evaluation:
         _add(before, error, sigma, least, self._sums)
         squares = (error[self._known, :, :3] / sigma[self._known, :, :3]) ** 2
         finite = np.isfinite(squares)
-        total = np.where(finite, squares, 0.0).sum(axis=(1, 2)), finite.sum(axis=(1, 2))
-        self._unique[:, self._known] += (np.full(total[1].size, error.shape[1]), *total)
+        terms = np.where(finite, squares, 0.0).reshape(len(squares), 3 * error.shape[1])
+        # one after the other, so that the lengths of the intervals do not matter
+        terms = np.concatenate([self._unique[1, self._known, None], terms], axis=1)
+        self._unique[1, self._known] = np.cumsum(terms, axis=1)[:, -1]
+        self._unique[0, self._known] += error.shape[1]
+        self._unique[2, self._known] += finite.sum(axis=(1, 2))
         if known is not None:
             self._known = np.array(known, dtype=bool)
         self._done += error.shape[1]
