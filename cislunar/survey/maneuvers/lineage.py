@@ -276,7 +276,8 @@ def _solved(
     forces: tuple,
     settings: LineageSettings,
 ) -> _Solution | None:
-    """Equation (1) next to some times; none if an orbit meets a body."""
+    """Equation (1) next to some times; none if an orbit meets a body, or if covariances are
+    singular in double precision."""
     count = max(1, int(np.ceil((gap[1] - gap[0]) * TIME_UNIT_S / _FINE_S)))
     width = (gap[1] - gap[0]) / count
     time = gap[0] + width * (np.arange(count) + 0.5)
@@ -292,10 +293,13 @@ def _solved(
     covariance = mapped @ stm.swapaxes(2, 3)
     z, velocity = state[1] - state[0], np.zeros((time.size, 6))
     velocity[:, :3] = z[:, 3:]
-    solutions = [
-        _components(z, velocity, covariance, mapped[1], scale / VELOCITY_UNIT_M_S, width)
-        for scale in settings.scales_m_s
-    ]
+    try:
+        solutions = [
+            _components(z, velocity, covariance, mapped[1], scale / VELOCITY_UNIT_M_S, width)
+            for scale in settings.scales_m_s
+        ]
+    except np.linalg.LinAlgError:
+        return None
     log_weight, shift, spread, change, change_spread, moved, reduced = (
         np.concatenate(each) for each in zip(*solutions, strict=True)
     )
