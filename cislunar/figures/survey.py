@@ -9,7 +9,9 @@ from cislunar.figures import panels, style
 from cislunar.figures.axes import Grid
 from cislunar.figures.panels import PERCENT, Row
 
-_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.65, 0.12, 0.14, 0.32, 1.0
+_RIGHT, _GAP, _HEAD, _FOOT = 0.12, 0.14, 0.32, 1.0
+_LETTER = 0.058
+"""Width of a letter of the names of surveys, inches."""
 _LEGEND = 0.28
 _WIDTH_IN, _LINE_IN = 1.32, 0.19
 
@@ -35,17 +37,27 @@ ROWS = (
 )
 """The panels: quantities of ``tables/catalog.csv``, by series if there are two."""
 
+_BALLISTIC = Row(
+    "normalized error squared,\nobjects without maneuver", ("nees_ballistic",), reference=6.0,
+    within=(0.0, np.inf),
+)  # fmt: skip
+"""In place of the last panel for objects that maneuver: a maneuver after the last detection of an
+object leaves an error without a limit."""
+
 
 @style.house_style()
 def catalog_figure(table: pd.DataFrame) -> Figure:
     """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: right
     orbits by groups of objects, and wrong orbits and consistency of all."""
     places = list(table.groupby(["survey", "day"], sort=False).groups)
-    grid = Grid(1, len(ROWS), _WIDTH_IN, _LINE_IN * (len(places) + 1), _LEFT, _FOOT, _GAP)
-    width, height = grid.size
-    figure = style.new_figure(_HEAD + height + _FOOT, _LEFT + width + _RIGHT)
+    moving = _BALLISTIC.curves[0] in set(table["quantity"])
+    rows = (*ROWS[:-1], _BALLISTIC if moving else ROWS[-1])
     names = [f"{survey.replace('-', ' ')}, {day:g} d" for survey, day in places]
-    for number, row in enumerate(ROWS):
+    left = 0.25 + _LETTER * max(map(len, names), default=0)
+    grid = Grid(1, len(rows), _WIDTH_IN, _LINE_IN * (len(places) + 1), left, _FOOT, _GAP)
+    width, height = grid.size
+    figure = style.new_figure(_HEAD + height + _FOOT, left + width + _RIGHT)
+    for number, row in enumerate(rows):
         axes = grid.place(figure, 0, number)
         several, empty = len(row.curves) > 1, True
         for which, (quantity, series) in enumerate(zip(row.curves, _SERIES, strict=False)):
@@ -65,7 +77,11 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
             )
         if empty:
             layout.note_empty(axes, "no orbit")
+        if row.curves == ("wrong_share",):
+            axes.set_xlim(left=-0.05, right=max(axes.get_xlim()[1], 1.0))
         if row.reference is not None:
+            if axes.get_xlim()[1] > 10.0 * row.reference:
+                axes.set_xscale("log")
             axes.axvline(row.reference, color="0.6", linewidth=0.6, zorder=1)
         axes.set_xlabel(row.label)
         axes.set_ylim(len(places) - 0.4, -0.6)
