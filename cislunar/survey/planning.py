@@ -211,7 +211,9 @@ class SearchPlanner:
             return np.zeros(len(known.position))
         h, noise = self._tangents(o, index, known.position)
         spread = h @ covariance @ h.swapaxes(1, 2) / noise[:, None, None]
-        nats = 0.5 * np.linalg.slogdet(np.eye(2) + spread)[1]
+        sign, log_det = np.linalg.slogdet(np.eye(2) + spread)
+        # nothing is left to be learned if rounding has made a covariance indefinite
+        nats = 0.5 * np.where((sign > 0.0) & np.isfinite(log_det), log_det, 0.0)
         return self.settings.information_worth * nats
 
     def _measured(self, o: int, index: int, position: Array, covariance: Array) -> Array:
