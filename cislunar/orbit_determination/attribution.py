@@ -202,9 +202,9 @@ def tracklet_matches(
     regular, squared = (sign != 0.0) & np.isfinite(log_det), np.full(len(s), np.inf)
     solved = np.linalg.solve(s[regular], innovation[regular, :, None])[..., 0]
     squared[regular] = np.einsum("ni,ni->n", innovation[regular], solved)
-    log_density = -0.5 * (squared + log_det) - 2.0 * np.log(2.0 * np.pi)
     kept = (squared >= 0.0) & (squared <= gate)
-    return which[kept], found[kept], log_density[kept]
+    log_density = -0.5 * (squared[kept] + log_det[kept]) - 2.0 * np.log(2.0 * np.pi)
+    return which[kept], found[kept], log_density
 
 
 def extend_orbits(
