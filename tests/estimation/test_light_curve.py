@@ -20,7 +20,11 @@ from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import (
+    _AFRESH,
+    _AROUND,
+    _ROTATION_AFRESH,
     Hypotheses,
+    _lowest_of_pool,
     condense,
     mixture_points,
     prior_hypotheses,
@@ -257,6 +261,20 @@ def test_a_search_afresh_draws_body_parameters_from_their_prior():
         search(modes, data, model, alone, np.random.default_rng(1), afresh)
         found.append(modes.u[: modes.count[0], 6])
     assert np.abs(found[0] + 3.0).max() < 1e-3 < np.abs(found[1] + 3.0).max()
+
+
+@pytest.mark.parametrize("place", [_AROUND, _ROTATION_AFRESH, _AFRESH])
+def test_every_point_of_a_pool_has_the_stated_origin(place):
+    """Rotation and body parameters of all 40 points are near the mode at 90, or from the prior."""
+    plain = model_of()
+    model = plain._replace(sigma=np.append(plain.sigma, 0.5), surface_kinds=np.array([SCALE]))
+    modes, points, origins = prior_hypotheses(8, 7), np.empty((40, 7)), np.empty(40, np.int64)
+    modes.u[0], modes.root[0] = 90.0, 0.5 * np.eye(7)
+    given = modes, _light_curve(TRUE, plain), model, SEARCH, 40, 40, place
+    assert _lowest_of_pool(*given, np.random.default_rng(1), points, origins) >= 38
+    near = np.abs(points - 90.0) < np.abs(points)
+    assert near[:38, :6].all() == (place == _AROUND) and near[:38, :6].any() == (place == _AROUND)
+    assert near[:38, 6].all() == (place != _AFRESH) and near[:38, 6].any() == (place != _AFRESH)
 
 
 def test_weights_are_those_of_laplace():

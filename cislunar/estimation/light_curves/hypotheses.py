@@ -136,15 +136,15 @@ def _lowest_of_pool(hypotheses, data, model, settings, draws, starts, place, rng
         value = cost_with(work, u, data, anchor, model, costs[starts - 1])
         if not value < costs[starts - 1]:
             continue
-        place = min(filled, starts - 1)
-        while place > 0 and value < costs[place - 1]:
-            costs[place] = costs[place - 1]
-            points[place] = points[place - 1]
-            origins[place] = origins[place - 1]
-            place -= 1
-        costs[place] = value
-        points[place] = u
-        origins[place] = j
+        rank = min(filled, starts - 1)
+        while rank > 0 and value < costs[rank - 1]:
+            costs[rank] = costs[rank - 1]
+            points[rank] = points[rank - 1]
+            origins[rank] = origins[rank - 1]
+            rank -= 1
+        costs[rank] = value
+        points[rank] = u
+        origins[rank] = j
         filled = min(filled + 1, starts)
     return filled
 
