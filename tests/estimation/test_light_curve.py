@@ -20,11 +20,7 @@ from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import (
-    _AFRESH,
-    _AROUND,
-    _ROTATION_AFRESH,
     Hypotheses,
-    _lowest_of_pool,
     condense,
     mixture_points,
     prior_hypotheses,
@@ -263,18 +259,24 @@ def test_a_search_afresh_draws_body_parameters_from_their_prior():
     assert np.abs(found[0] + 3.0).max() < 1e-3 < np.abs(found[1] + 3.0).max()
 
 
-@pytest.mark.parametrize("place", [_AROUND, _ROTATION_AFRESH, _AFRESH])
-def test_every_point_of_a_pool_has_the_stated_origin(place):
-    """Rotation and body parameters of all 40 points are near the mode at 90, or from the prior."""
+def test_points_of_a_search_are_from_the_stated_distributions():
+    """One live mode is at 90 in all parameters. A search afresh draws all from the prior; another
+    one draws half of the rotations around the mode, and all body parameters."""
     plain = model_of()
     model = plain._replace(sigma=np.append(plain.sigma, 0.5), surface_kinds=np.array([SCALE]))
-    modes, points, origins = prior_hypotheses(8, 7), np.empty((40, 7)), np.empty(40, np.int64)
-    modes.u[0], modes.root[0] = 90.0, 0.5 * np.eye(7)
-    given = modes, _light_curve(TRUE, plain), model, SEARCH, 40, 40, place
-    assert _lowest_of_pool(*given, np.random.default_rng(1), points, origins) >= 38
-    near = np.abs(points - 90.0) < np.abs(points)
-    assert near[:38, :6].all() == (place == _AROUND) and near[:38, :6].any() == (place == _AROUND)
-    assert near[:38, 6].all() == (place != _AFRESH) and near[:38, 6].any() == (place != _AFRESH)
+    data = _light_curve(TRUE, plain)
+    sizes = {"modes": 64, "starts": 40, "first_starts": 40, "pool": 40}
+    unchanged = {"warm_iterations": 0, "iterations": 0, "merge_distance": 0.0, "drop": np.inf}
+    for afresh, around in ((False, [20, 40]), (True, [0, 0])):
+        modes = prior_hypotheses(64, 7)
+        modes.u[0], modes.root[0] = 90.0, 0.5 * np.eye(7)
+        given = SEARCH._replace(**sizes, **unchanged), np.random.default_rng(1)
+        search(modes, data, model, *given, afresh)
+        live = modes.u[: modes.count[0]]
+        near = np.abs(live - 90.0) < np.abs(live)
+        assert len(live) == 41
+        assert near[:, :6].all(axis=1).sum() == near[:, :6].any(axis=1).sum() == 1 + around[0]
+        assert near[:, 6].sum() == 1 + around[1]
 
 
 def test_weights_are_those_of_laplace():
