@@ -167,12 +167,13 @@ _AIMS = {"custody_share": _SHARE, "position_custody_share": _SHARE,
 
 class _Limit(NamedTuple):
     """What every cell of the recommended pipeline is to satisfy in a quantity: its mean, or the
-    interval of its mean, is between two ends."""
+    interval of its mean, is between two ends. `of`: what a quantity without parts is of."""
 
     requirement: str
     least: float
     most: float
     by_interval: bool = False
+    of: str = "targets"
 
     def met(self, row: Mapping[str, Any]) -> bool | None:
         """Whether it is met; None where the interval contains an end."""
@@ -189,6 +190,8 @@ _LIMITS = {
         f"3-sigma coverage of at least 0.97 (nominal {NOMINAL_COVERAGE:.4f}), by the interval of "
         "its day means", 0.97, 2.0, by_interval=True),
     "anees_mean": _Limit("ANEES between 0.8 and 1.5, arithmetic mean of the days", 0.8, 1.5),
+    "anees_unique": _Limit(
+        "ANEES between 0.8 and 1.5 while the attitude is unique", 0.8, 1.5, of="attitude"),
 }  # fmt: skip
 
 
@@ -204,7 +207,7 @@ def _verdict(tables: Tables) -> dict[str, str]:
     own = {at: cell for at, cell in cells.items() if at[0] in (RECOMMENDED, RECOMMENDED_WEEK)}
     for quantity, limit in _LIMITS.items():
         found = [
-            (row, limit.met(row), f"{row['part'] or 'targets'} {row['mean']:.3g} ({n} satellites, "
+            (row, limit.met(row), f"{row['part'] or limit.of} {row['mean']:.3g} ({n} satellites, "
              f"{targets} targets{', seven days' if way == RECOMMENDED_WEEK else ''})")
             for (way, n, targets), cell in own.items()
             for row in cell.values()
@@ -214,7 +217,7 @@ def _verdict(tables: Tables) -> dict[str, str]:
             continue
         means = [row["mean"] for row, *_ in found]
         span = f"{min(means):.3g} to {max(means):.3g}"
-        if quantity == "anees_mean":
+        if quantity.startswith("anees"):
             span += f"; worst realization {max(row['largest'] for row, *_ in found):.3g}"
         result = "; ".join(
             f"{word}: {'; '.join(where)}"
