@@ -62,7 +62,7 @@ NAMES = {
     "targets": "targets",
     "observers": "observers",
     "seeds": "realizations",
-    "hours": "length, h",
+    "hours": "length of the run, h",
 }
 LARGE = {"targets": 10_000, "observers": 100, "seeds": 1, "hours": 2}
 """The size of the large campaign, with the length that is measured."""
@@ -285,7 +285,7 @@ def draw(table: pd.DataFrame) -> None:
             axis.set_xticks(VARIED[name], map(str, VARIED[name]))
             axis.minorticks_off()
             axis.set_xlabel(NAMES[name])
-            axis.legend(loc="upper left", title="exponent")
+            axis.legend(loc="upper left", title="exponent of time")
         axes[0].set_ylabel("processor time, s")
         bottom, top = axes[0].get_ylim()
         axes[0].set_ylim(bottom, 5.0 * top)

@@ -73,7 +73,10 @@ def maneuver_figure(table: pd.DataFrame) -> Figure:
     drawn[2].set_ylabel("targets in custody, %")
     drawn[2].set_xlabel("time after the maneuver, h")
     drawn[2].set_ylim(-3.0, 103.0)
-    note = "c: slots of 20 min, 100 targets. Bars: exact 95 % binomial intervals."
+    note = (
+        "The first three entries of the legend belong to (a) and (b), the others to (c).\n"
+        "(c): slots of 20 min, 100 targets. Bars: exact 95 % binomial intervals."
+    )
     top = layout.note_below(figure, note)
     layout.legend_below(figure, handles, top, 3)
     return figure
