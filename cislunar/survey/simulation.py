@@ -340,7 +340,9 @@ class _Survey:
         scene, day = self.scene, index * self.scene.step_s / SECONDS_PER_DAY
         orbits, angles = self.catalog.link(), self.catalog.angles
         origin = np.concatenate(self.origin)
-        table = orbit_table(orbits, angles, origin, self.world.path(), scene.step, day, self.forces)
+        table = orbit_table(
+            orbits, angles, origin, self.world.states, index, scene.step, day, self.forces
+        )
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
         right = right_objects(table, self.settings.quality)
         self.right.append((day, right))
