@@ -1,4 +1,5 @@
-"""``cislunar export``: states, attitudes and observations of a cell in standard formats."""
+"""``cislunar export``: states, attitudes and observations of a cell or survey in standard
+formats."""
 
 import datetime
 import json
@@ -21,7 +22,7 @@ _OTHERS = {
     ".aem": "Attitude Ephemeris Message",
     ".tdm": "Tracking Data Message of observations",
     ".psv": "observations in the format ADES",
-    ".html": "interactive page that replays the cell",
+    ".html": "interactive page that replays the cell or survey",
 }
 
 
@@ -78,7 +79,7 @@ def export(
     ephemeris: str | None,
     time_system: str,
 ) -> None:
-    """Write a cell of the campaign in a standard format.
+    """Write a cell of the campaign, or the record of a survey, in a standard format.
 
     States are in km and km/s, ICRF axes, and the files state frame, center and time scale. The cell
     must have been made with the records that the format needs (`task2.record`): estimates or truth
@@ -91,6 +92,7 @@ def export(
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --output observations.tdm
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --data truth --output truth.aem
       cislunar export results/replay/A/published/mukf/nt20_dt60.nc --output replay.html
+      cislunar export results/replay/survey/everything/0.nc --output replay.html
     """
     from cislunar.runtime.netcdf import read_dataset, write_text
     from cislunar.runtime.progress import logger

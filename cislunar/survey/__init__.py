@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
     "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],
     "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
-    "results": ["BlockRecord", "SurveyResult"],
+    "results": ["BlockRecord", "CatalogRecord", "SurveyResult"],
     "search_worth": ["search_tables"],
     "settings": ["DensityPrior", "LineageSettings", "QualitySettings", "SOURCES", "SearchSettings",
         "SurveyModel"],

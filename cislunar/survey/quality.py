@@ -3,6 +3,7 @@
 Only this module and the simulation of a survey read the origins of detections.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -110,7 +111,8 @@ def orbit_table(
     orbits: LinkedOrbits,
     angles: Angles,
     origin: ArrayLike,
-    truth: Array,
+    truth: Callable[[Indices, Indices], Array],
+    last: int,
     step: float,
     day: float,
     forces: tuple = EARTH_MOON,
@@ -124,14 +126,17 @@ def orbit_table(
         Detections, to whose rows the orbits refer.
     origin : array_like of int, shape (row,)
         Object of each detection, or `FALSE_ALARM`.
-    truth : ndarray, shape (object, time, 6)
-        True states, nondimensional, propagation frame, every `step`.
+    truth : callable
+        Returns the true states (row, 6), nondimensional, propagation frame, of objects (row,) at
+        indices of times (row,).
+    last : int
+        Index of the time of the table.
     step : float
-        Nondimensional.
+        Time between two indices, nondimensional.
     day : float
         Time of the table.
     forces : NamedTuple
-        Assumed force model, by which confirmed orbits are propagated to the last time of `truth`.
+        Assumed force model, by which confirmed orbits are propagated to the time of the table.
 
     Returns
     -------
@@ -142,27 +147,29 @@ def orbit_table(
     given, rows, fits = np.asarray(origin), [], orbits.fits
     starts = [(float(fits.epoch[k]), fits.state[k], fits.covariance[k])
               for k in np.flatnonzero(orbits.confirmed).tolist()]  # fmt: skip
-    moved = orbits_at(starts, (truth.shape[1] - 1) * step, forces)
+    moved = orbits_at(starts, last * step, forces)
     present = dict(zip(np.flatnonzero(orbits.confirmed)[moved[2]].tolist(),
                        zip(*moved[:2], strict=True), strict=True))  # fmt: skip
-    for k in range(orbits.log_ratio.size):
+    owners = [_owner(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
+    real = [k for k, (main, _) in enumerate(owners) if main != FALSE_ALARM]
+    of = np.array([owners[k][0] for k in real], dtype=np.int64)
+    then = truth(of, np.rint(fits.epoch[real] / step).astype(np.int64))
+    true = dict(zip(real, zip(then, truth(of, np.full(of.size, last)), strict=True), strict=True))
+    for k, (main, right) in enumerate(owners):
         own = orbits.detections(k)
-        names, counts = np.unique(given[own], return_counts=True)
-        main = int(names[np.argmax(counts)])
         error = nees = now_km = now_nees = np.nan
         covariance = orbits.fits.covariance[k]
-        if main != FALSE_ALARM:
-            at = round(float(orbits.fits.epoch[k]) / step)
-            miss = truth[main, at] - orbits.fits.state[k]
+        if k in true:
+            miss = true[k][0] - orbits.fits.state[k]
             error = float(np.linalg.norm(miss[:3])) * LENGTH_UNIT_KM
             nees = float(squared_distances(miss[None], covariance[None])[0])
             if k in present:
-                off = truth[main, -1] - present[k][0]
+                off = true[k][1] - present[k][0]
                 now_km = float(np.linalg.norm(off[:3])) * LENGTH_UNIT_KM
                 now_nees = float(squared_distances(off[None], present[k][1][None])[0])
         sigma = float(np.sqrt(np.trace(covariance[:3, :3]))) * LENGTH_UNIT_KM
         rows.append(
-            (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, int(counts.max()),
+            (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, right,
              np.unique(angles.observer[own]).size, error, sigma, nees,
              now_km, now_nees)
         )  # fmt: skip
@@ -170,6 +177,12 @@ def orbit_table(
     return pd.DataFrame(rows, columns=list(ORBIT_COLUMNS)).astype(
         {"confirmed": bool, "object": np.int64, "error_km": float}
     )
+
+
+def _owner(origin: Indices) -> tuple[int, int]:
+    """The object, or `FALSE_ALARM`, that most detections of an orbit are of, and their number."""
+    names, counts = np.unique(origin, return_counts=True)
+    return int(names[np.argmax(counts)]), int(counts.max())
 
 
 def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) -> Indices:

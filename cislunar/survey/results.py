@@ -8,10 +8,29 @@ from numpy.typing import NDArray
 
 from cislunar.detection import Detections, Exposures
 from cislunar.orbit_determination import LinkedOrbits
+from cislunar.survey.maneuvers import Lineage
 from cislunar.targets import Maneuvers
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+class CatalogRecord(NamedTuple):
+    """The catalog after a run of linking, with the truth.
+
+    Attributes
+    ----------
+    orbits : LinkedOrbits
+        Their detections are numbered in the order of the blocks.
+    owner : ndarray of int, shape (orbit,)
+        Object of most detections of each orbit, or `FALSE_ALARM`.
+    maneuvers : Lineage or None
+        That the catalog has found.
+    """
+
+    orbits: LinkedOrbits
+    owner: Indices
+    maneuvers: Lineage | None
 
 
 class BlockRecord(NamedTuple):
@@ -31,6 +50,8 @@ class BlockRecord(NamedTuple):
         Of all objects in the whole survey.
     velocity_changes_m_s : ndarray, shape (maneuver, 3)
         Changes of velocity so far, propagation frame, m/s.
+    catalog : CatalogRecord or None
+        After the run of linking at the end of the block, if there was one.
     """
 
     first: int
@@ -40,6 +61,7 @@ class BlockRecord(NamedTuple):
     state: Array
     maneuvers: Maneuvers
     velocity_changes_m_s: Array
+    catalog: CatalogRecord | None = None
 
 
 class SurveyResult(NamedTuple):

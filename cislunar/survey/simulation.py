@@ -47,7 +47,7 @@ from cislunar.survey.quality import (
     right_objects,
     true_tracklets,
 )
-from cislunar.survey.results import BlockRecord, SurveyResult
+from cislunar.survey.results import BlockRecord, CatalogRecord, SurveyResult
 from cislunar.survey.settings import SurveyModel
 from cislunar.survey.true_objects import TrueObjects
 from cislunar.tasking import TruthModel
@@ -118,7 +118,7 @@ def run_survey(
     progress : callable, optional
         Called with (blocks done, all blocks).
     record : callable, optional
-        Called with the exposures of each block, their detections, and the truth.
+        Called with the exposures of each block, their detections, the truth, and the catalog.
 
     Returns
     -------
@@ -264,8 +264,6 @@ class _Survey:
         visits = self.planner.plan(middle, weight, fields, chance, *self._known(now, middle))
         exposures = self.planner.exposures(visits, start + 1)
         detections, origin = self.world.observe(block, start, n, exposures)
-        if self.record is not None:
-            self.record(self.world.record(start + 1, exposures, detections, origin))
         self.n_exposures += exposures.step.size
         self.pending.append(
             _Block(block, start, middle, visits, seen, fields, chance, now, exposures, detections,
@@ -273,8 +271,12 @@ class _Survey:
         )  # fmt: skip
         while self.pending and self.pending[0].number + self.late <= block:
             self._receive(self.pending.popleft())
+        catalog = None
         if (block + 1) % self.blocks_per_link == 0 or block + 1 == self.n_blocks:
-            self._link(start + n)
+            catalog = self._link(start + n)
+        if self.record is not None:
+            made = self.world.record(start + 1, exposures, detections, origin)
+            self.record(made._replace(catalog=catalog))
 
     def _without_pending(self) -> Array:
         """Weights of the particles as plans use them: less for those whose fields have been
@@ -335,12 +337,14 @@ class _Survey:
                 model.search.visits,
             )  # fmt: skip
 
-    def _link(self, index: int) -> None:
+    def _link(self, index: int) -> CatalogRecord:
         """Link, and compare with the truth."""
         scene, day = self.scene, index * self.scene.step_s / SECONDS_PER_DAY
         orbits, angles = self.catalog.link(), self.catalog.angles
         origin = np.concatenate(self.origin)
-        table = orbit_table(orbits, angles, origin, self.world.path(), scene.step, day, self.forces)
+        table = orbit_table(
+            orbits, angles, origin, self.world.states, index, scene.step, day, self.forces
+        )
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
         right = right_objects(table, self.settings.quality)
         self.right.append((day, right))
@@ -363,6 +367,7 @@ class _Survey:
         self.orbits.append(table)
         holds = np.isin(np.arange(self.cataloged.size), right)
         self.cataloged = np.where(holds, np.minimum(self.cataloged, day), np.inf)
+        return CatalogRecord(orbits, table["object"].to_numpy(np.int64), self.catalog.maneuvers)
 
     def result(self) -> SurveyResult:
         """Tables of the survey."""

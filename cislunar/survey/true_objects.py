@@ -1,4 +1,7 @@
-"""True objects of a survey: their motion, and the detections of exposures with their origins."""
+"""True objects of a survey: their motion, and the detections of exposures with their origins.
+
+Only the states of the last block, and those at the start of every twelfth block, are kept.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +18,9 @@ from cislunar.tasking import TrueMotion, TruthModel, draw_observer_errors
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+_BLOCKS_KEPT = 12
+"""Blocks between two times whose true states are kept."""
 
 
 class TrueObjects:
@@ -88,12 +94,38 @@ class TrueObjects:
             maneuvers=Maneuvers(*(each[exists] for each in drawn)),
         )
         self._states = np.empty((ids.size, 0, 6))
-        self._path: list[Array] = []
+        self._kept: list[Array] = []
+        self._n_blocks, self._n_steps = 0, 1
 
-    def path(self) -> Array:
-        """True states (object, time, 6) so far, at all times of the scene."""
-        self._path = [np.concatenate(self._path, axis=1)]
-        return self._path[0]
+    def states(self, objects: ArrayLike, steps: ArrayLike) -> Array:
+        """True states at times so far.
+
+        They are propagated again from states that are kept every `_BLOCKS_KEPT` blocks, over the
+        same blocks and therefore with the same rounding.
+
+        Parameters
+        ----------
+        objects, steps : array_like of int, shape (row,)
+            Objects, and indices of the times.
+
+        Returns
+        -------
+        ndarray, shape (row, 6)
+            Nondimensional, propagation frame.
+        """
+        of, at = (np.asarray(each, dtype=np.int64) for each in (objects, steps))
+        out, n = np.empty((of.size, 6)), self._n_steps
+        block = np.minimum(at // n, self._n_blocks - 1)
+        for piece in np.unique(block // _BLOCKS_KEPT).tolist():
+            rows = np.flatnonzero(block // _BLOCKS_KEPT == piece)
+            own = np.unique(of[rows])
+            state = self._kept[piece][own]
+            for number in range(piece * _BLOCKS_KEPT, int(block[rows].max()) + 1):
+                path = self.motion.again(state, own, number * n, n)
+                here = rows[block[rows] == number]
+                out[here] = path[np.searchsorted(own, of[here]), at[here] - number * n]
+                state = path[:, -1]
+        return out
 
     def maneuvered(self, elapsed_s: float) -> NDArray[np.bool_]:
         """Which objects have begun a maneuver by a time since the start, s."""
@@ -107,8 +139,9 @@ class TrueObjects:
         """Detections of the exposures of a block, and their origins. `start` is the index of the
         time before the first step of the block."""
         scene, moved = self.scene, self.motion.advance(n_steps)
-        self._path.append(moved.translation[:, 1 if block else 0 :])
-        self._states = moved.translation
+        if block % _BLOCKS_KEPT == 0:
+            self._kept.append(moved.translation[:, 0].copy())
+        self._states, self._n_blocks, self._n_steps = moved.translation, block + 1, n_steps
         n_objects, n_observers = len(moved.translation), scene.observer_position.shape[0]
         loss = generator(self.seed, "loss", block).random((n_objects, n_steps, n_observers))
         times = np.arange(start, start + n_steps + 1)

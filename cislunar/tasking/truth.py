@@ -13,8 +13,13 @@ from cislunar.attitude.torque_model import TorqueModel
 from cislunar.attitude.varying_torque import RandomTorque, SunPressure, propagate_varying
 from cislunar.compiled import njit_noalloc
 from cislunar.dynamics.cr3bp import EARTH_MOON
-from cislunar.dynamics.forces import require_span
-from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, local_axes, propagate_with_impulses
+from cislunar.dynamics.forces import of_targets, require_span
+from cislunar.dynamics.maneuvers import (
+    VELOCITY_UNIT_M_S,
+    Impulses,
+    local_axes,
+    propagate_with_impulses,
+)
 from cislunar.estimation.estimator import Estimates, InitialEstimate
 from cislunar.estimation.navigation.errors import ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation
@@ -237,8 +242,8 @@ class TrueMotion:
         draws = [[each.standard_normal((n_times, 3)) for each in own] for own in self._streams]
         return np.moveaxis(draws, 1, 2) * self._noise
 
-    def _resolve(self, impulse: int, time: float, state: Array) -> Array:
-        """Change of velocity by an impulse in the propagation frame, which is noted."""
+    def _change(self, impulse: int, time: float, state: Array) -> Array:
+        """Change of velocity by an impulse in the propagation frame."""
         number = self._maneuver_of[impulse]
         change, body = self._impulses.velocity[impulse], self.maneuvers.axes[number] - 1
         if body >= 0:
@@ -248,7 +253,12 @@ class TrueMotion:
             velocity = (after - before) / scene.step
             center = before + velocity * (time - k * scene.step)
             change = change @ local_axes(state, center, velocity, frame_rotation(scene))
-        self.velocity_changes_m_s[number] += VELOCITY_UNIT_M_S * change
+        return change
+
+    def _resolve(self, impulse: int, time: float, state: Array) -> Array:
+        """Change of velocity by an impulse in the propagation frame, which is noted."""
+        change = self._change(impulse, time, state)
+        self.velocity_changes_m_s[self._maneuver_of[impulse]] += VELOCITY_UNIT_M_S * change
         return change
 
     def advance(self, n_steps: int) -> Truth:
@@ -280,6 +290,36 @@ class TrueMotion:
         self._translation, self._last = translation[:, -1].copy(), noise[:, -1:].copy()
         self._index += n_steps
         return Truth(translation, quaternion, omega, noise)
+
+    def again(self, state: Array, targets: NDArray[np.int64], first: int, n_steps: int) -> Array:
+        """Translation of some targets over an interval that `advance` has passed.
+
+        Parameters
+        ----------
+        state : ndarray, shape (target, 6)
+            Of these targets at the first time, nondimensional, propagation frame.
+        targets : ndarray of int, shape (target,)
+            Rows of the targets, in increasing order.
+        first, n_steps : int
+            Index of the first time, and number of steps. If they are those of a call of `advance`,
+            the states are the same bit for bit.
+
+        Returns
+        -------
+        ndarray, shape (target, n_steps + 1, 6)
+        """
+        given = self._impulses
+        own = np.flatnonzero(np.isin(given.index, targets))
+        index = np.searchsorted(targets, given.index[own])
+        return propagate_with_impulses(
+            state,
+            self._scene.step,
+            n_steps,
+            Impulses(index, given.time[own], given.velocity[own]),
+            forces=of_targets(self._forces, targets),
+            start=first * self._scene.step,
+            resolve=lambda impulse, time, before: self._change(own[impulse], time, before),
+        )
 
 
 def _sun_pressure(

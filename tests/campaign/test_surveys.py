@@ -25,6 +25,7 @@ from cislunar.dynamics import (
     pulsating_frame,
 )
 from cislunar.errors import ConfigurationError
+from cislunar.figures.replay import cell_replay
 from cislunar.figures.survey import catalog_figure
 from cislunar.survey import SearchSettings, SurveyResult
 
@@ -42,24 +43,46 @@ SMALL = {
 
 
 @pytest.fixture(scope="module")
-def found():
-    surveys, rows = {}, {}
+def runs():
+    """Surveys, rows of their realizations, and the records of these for a replay."""
+    surveys, rows, records = {}, {}, {}
     for name, change in (
         ("usual", {}),
         ("ephemeris", {"ephemeris": True, "realizations": 1, "outside_families": 0.67}),
     ):
         survey = surveys[name] = StatedSurvey(**SMALL | change)
-        inputs = cell_inputs(3, bodies=survey.ephemeris)
+        inputs, records[name] = cell_inputs(3, bodies=survey.ephemeris), []
         rows[name] = [
             realization_rows(
                 survey_realization(
                     name, survey, number, inputs, POINTS, settings_of_cell({}),
-                    propagator="dop853", seed=3,
+                    propagator="dop853", seed=3, recorded=records[name].append,
                 )
             )
             for number in range(survey.realizations)
         ]  # fmt: skip
-    return surveys, rows
+    return surveys, rows, records
+
+
+@pytest.fixture(scope="module")
+def found(runs):
+    return runs[:2]
+
+
+def test_the_record_of_a_realization_is_replayed(runs):
+    surveys, rows, records = runs
+    for name, survey in surveys.items():
+        assert len(records[name]) == survey.realizations
+        for record, own in zip(records[name], rows[name], strict=True):
+            replay = cell_replay(record, cell_inputs(3).sun)
+            assert replay.time_s.tolist() == [300.0 * k for k in range(1, 37)]
+            known = np.isfinite(replay.estimate_km)
+            shown = np.where(known, replay.estimate_km + replay.error_km, replay.untracked_km)
+            assert np.isfinite(shown[:, :3]).all()
+            assert replay.detections.time_s.size == own["detections"].item()
+            outside = sum(each.startswith("outside") for each in replay.objects)
+            assert outside == (2 if survey.outside_families else 0)
+            assert list(replay.observers.values()) == [3.0, 3.0, 3.0]
 
 
 def test_realizations_have_their_own_day_and_noise(found):

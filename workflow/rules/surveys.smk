@@ -44,6 +44,17 @@ rule survey:
         "../scripts/survey.py"
 
 
+# A realization again, with the record of a replay.
+use rule survey as survey_record with:
+    output:
+        results("replay/survey/{survey}/{realization}.nc"),
+    log:
+        log_of("replay/survey/{survey}/{realization}"),
+        times=benchmark_of("replay/survey/{survey}_{realization}"),
+    message:
+        "Recording survey {wildcards.survey}, realization {wildcards.realization}"
+
+
 rule catalog_table:
     input:
         [

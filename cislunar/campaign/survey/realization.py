@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
@@ -13,6 +14,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.survey.records import SurveyRecorder
 from cislunar.campaign.tracking.cell import (
     CellInputs,
     Problem,
@@ -27,6 +29,7 @@ from cislunar.dynamics import (
     of_targets,
     propagate_many,
 )
+from cislunar.runtime.provenance import provenance
 from cislunar.runtime.seeds import generator
 from cislunar.survey import (
     ObjectDensity,
@@ -63,6 +66,7 @@ def survey_realization(
     propagator: str,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
+    recorded: Callable[[xr.Dataset], None] | None = None,
 ) -> SurveyResult:
     """Run one realization of a survey.
 
@@ -86,6 +90,9 @@ def survey_realization(
         Seed of the campaign.
     progress : callable, optional
         Called with (blocks done, all blocks).
+    recorded : callable, optional
+        Called with the record of the realization for a replay
+        (`cislunar.campaign.survey.SurveyRecorder.dataset`). Without it nothing is recorded.
 
     Returns
     -------
@@ -96,7 +103,8 @@ def survey_realization(
         "start_day": survey.start_days * _van_der_corput(number),
         "monitored_seed": realization_seeds(seed, 1, number)[0],
     }
-    cell_settings = typed(_settings(own, survey), CellSettings, f"surveys.{name}")
+    used = _settings(own, survey)
+    cell_settings = typed(used, CellSettings, f"surveys.{name}")
     cell = Cell(survey.scenario, survey.architecture, "mukf", survey.targets, 60)
     loop = loop_settings(cell_settings, cell.interval_minutes)
     problem = tracking_problem(cell, inputs, cell_settings, propagator, loop)
@@ -120,7 +128,15 @@ def survey_realization(
     )
     objects, outside = _objects(survey, problem, inputs, own_seed)
     objects, appears_hours = _appearing(survey, objects, problem.truth.forces, own_seed)
-    return run_survey(
+    record = None
+    if recorded is not None:
+        title = f"Survey {name}, realization {number}"
+        used |= {"scenario": survey.scenario, "architecture": survey.architecture}
+        labels = target_labels(inputs.tracked, problem.target_ids)
+        names = [f"outside {k + 1}" if outside[k] else each for k, each in enumerate(labels)]
+        attributes = provenance(title, settings=used, seed=seed)
+        record = SurveyRecorder(problem, names, appears_hours, attributes)
+    result = run_survey(
         problem.scene,
         problem.truth,
         objects,
@@ -135,7 +151,11 @@ def survey_realization(
         eclipse=cell_settings.eclipse,
         observer_errors=cell_settings.observer_errors,
         progress=progress,
+        record=record,
     )
+    if recorded is not None:
+        recorded(record.dataset())
+    return result
 
 
 def _van_der_corput(number: int) -> float:

@@ -113,6 +113,8 @@ class Replay(NamedTuple):
     maneuvers : sequence of ReplayManeuver
     facts : mapping of str to ReplayFact
         Further rows of the panel by their labels.
+    untracked_km : array_like, shape (time, object, 3), or None
+        True positions of objects while they have no track, NaN otherwise; None: they are not shown.
     """
 
     title: str
@@ -131,6 +133,7 @@ class Replay(NamedTuple):
     detections: ReplayDetections
     maneuvers: Sequence[ReplayManeuver] = ()
     facts: Mapping[str, ReplayFact] = {}
+    untracked_km: Any = None
 
 
 def replay_page(replay: Replay) -> str:
@@ -152,6 +155,8 @@ def replay_page(replay: Replay) -> str:
     arrays, facts = _arrays(replay), replay.facts
     earth, moon = arrays["earth"][0], arrays["moon"][0]
     places = [arrays[name][0].reshape(-1, 3) for name in ("observer", "estimate", "earth", "moon")]
+    if "untracked" in arrays:
+        places.append(arrays["untracked"][0].reshape(-1, 3))
     every = np.concatenate(places)
     bounds = np.column_stack((np.nanmin(every, axis=0), np.nanmax(every, axis=0)))
     # orbits in one plane still need a box
@@ -226,6 +231,8 @@ def _arrays(replay: Replay) -> dict[str, tuple[Array, float]]:
     }
     if replay.error_km is not None:
         found["error"] = positions("error", n, n_objects, 3, finite=False)
+    if replay.untracked_km is not None:
+        found["untracked"] = positions("untracked", n, n_objects, 3, finite=False)
     for number, (label, fact) in enumerate(replay.facts.items()):
         values = array_of(label, fact.values, finite=False)
         if values.shape[:2] != (n, n_objects):

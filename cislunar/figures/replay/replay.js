@@ -72,6 +72,9 @@ window.replay = (async () => {
     : p;
   const track = (j, k) => three(estimate, k, j, nObjects);
   const known = (j, k) => !Number.isNaN(estimate[3 * (k * nObjects + j)]);
+  // the true position, also of an object without a track, or null
+  const truePlace = (j, k) => known(j, k) ? plus(track(j, k), three(error, k, j, nObjects))
+    : arrays.untracked ? three(arrays.untracked, k, j, nObjects) : null;
   const truthShown = () => $("truth").checked && facts.truth;
 
   function unitSphere(across) {
@@ -195,7 +198,8 @@ window.replay = (async () => {
   function maneuvers(k, truth) {
     const some = happened(k, truth);
     const at = some.map(m => Math.max(0, frameOf(m[0])));
-    return points(some.length, m => known(some[m][1], at[m]) && shown(track(some[m][1], at[m]), at[m]),
+    const place = (j, t) => known(j, t) ? track(j, t) : truth ? truePlace(j, t) : null;
+    return points(some.length, m => { const p = place(some[m][1], at[m]); return p && shown(p, at[m]); },
       m => `${facts.objects[some[m][1]]}, ${words(some[m])}`);
   }
   const frameOf = s => { let k = 0; while (k < n - 1 && time[k] < s) k++; return k; };
@@ -223,7 +227,6 @@ window.replay = (async () => {
   function draw() {
     const k = Number($("time").value), factor = enlargement(), truth = truthShown();
     const update = (name, values) => Object.assign(gd.data[number[name]], values);
-    const truePlace = j => known(j, k) && plus(track(j, k), three(error, k, j, nObjects));
     const centers = ["earth", "moon"].map(body => shown(three(arrays[body], k, 0, 1), k));
     places.forEach((axis, c) => {
       centers.forEach((center, b) => { gd.data[b][axis] = balls[b][c].map(row => row.map(v => v + center[c])); });
@@ -243,7 +246,7 @@ window.replay = (async () => {
     update("path of the selected object", chosen >= 0 ? own : nothing());
     update("maneuvers", maneuvers(k, false));
     update("true maneuvers", truth ? maneuvers(k, true) : nothing());
-    update("truth", truth ? points(nObjects, j => known(j, k) && shown(truePlace(j), k), j => `${facts.objects[j]}, truth`) : nothing());
+    update("truth", truth ? points(nObjects, j => { const p = truePlace(j, k); return p && shown(p, k); }, j => `${facts.objects[j]}, truth`) : nothing());
     const errors = lists();
     for (let j = 0; truth && j < nObjects; j++) {
       if (!known(j, k)) continue;

@@ -1,4 +1,4 @@
-"""Replay of a realization of a cell, or of a study."""
+"""Replay of a realization of a cell, of a study, or of a survey."""
 
 import json
 from collections.abc import Mapping
@@ -26,6 +26,9 @@ RECORD = ("estimates", "covariance", "measurements")
 """What a cell must record (`task2.record`) for a replay. With ``truth`` the page can show it, and
 with ``pointing`` observers that slew point nowhere."""
 
+_FIELD_KM = 100_000.0
+"""Distance to which the fields of a survey, which have no target, are drawn."""
+
 _DEG_H = float(np.rad2deg(3600.0))
 _STATUSES = {"track_status": "track", "attitude_status": "attitude"}
 
@@ -43,7 +46,8 @@ def cell_replay(
     Parameters
     ----------
     cell, sun : xarray.Dataset
-        A cell made with `RECORD`, and its ``ephemeris/sun.nc``.
+        A cell made with `RECORD`, or the record of a survey
+        (`cislunar.campaign.survey.SurveyRecorder`), and its ``ephemeris/sun.nc``.
     seed : int
         Index of the realization.
     orbits : xarray.Dataset, optional
@@ -56,8 +60,8 @@ def cell_replay(
     -------
     Replay
         At the recorded times, or at every second, third and so on of them. An observer points at
-        the estimated position of its target. The axes of ephemeris dynamics are those of the
-        instantaneous rotating frame.
+        the estimated position of its target, or in the direction of its field in a survey. The
+        axes of ephemeris dynamics are those of the instantaneous rotating frame.
     """
     require_records(cell, RECORD)
     own = cell.isel(seed=seed)
@@ -77,9 +81,16 @@ def cell_replay(
     covariance = turn[:, None] @ covariance @ turn[:, None].swapaxes(-1, -2) * LENGTH_UNIT_KM**2
     steps = np.searchsorted(cell["step"].values, times - 1e-6)
     observed = placed(cell["observer_position"].values[:, steps].swapaxes(0, 1))
-    error = None
+    error = untracked = None
     if "true_translation" in own:
-        error = placed(own["true_translation"].values[..., :3]) - estimate
+        truth = placed(own["true_translation"].values[..., :3])
+        error, unknown = truth - estimate, np.isnan(estimate)
+        if np.any(unknown & np.isfinite(truth)):
+            untracked = np.where(unknown, truth, np.nan)
+    if "assignment" in own:
+        aims = _aims(own, estimate, observed.shape[1])
+    else:
+        aims = observed + _field_directions(own, turn, cell["observer_axes"].values[steps])
     return Replay(
         title=str(cell.attrs["title"]),
         utc=observation_dates(frame.tdb_s(times)),
@@ -89,11 +100,12 @@ def cell_replay(
         axes=frame.to_icrf(times) @ turn.swapaxes(-1, -2),
         observers=dict(zip(observer_names(cell), _fields_deg(cell, orbits), strict=True)),
         observer_km=observed,
-        aim_km=_aims(own, estimate, observed.shape[1]),
+        aim_km=aims,
         objects=recorded_names(cell),
         estimate_km=estimate,
         covariance_km2=covariance,
         error_km=error,
+        untracked_km=untracked,
         detections=_detections(cell, seed, frame),
         maneuvers=_maneuvers(cell, seed),
         facts=_facts(own),
@@ -115,8 +127,6 @@ def _fields_deg(cell: xr.Dataset, orbits: xr.Dataset | None) -> list[float]:
 
 def _aims(own: xr.Dataset, estimate: Array, n_observers: int) -> Array:
     """Positions (time, observer, 3) at which observers point, NaN if they are idle or slew."""
-    if "assignment" not in own:
-        return np.full((*estimate.shape[:1], n_observers, 3), np.nan)
     assigned, begins = own["assignment"], own["epoch"].values
     if "slot" in assigned.dims:
         begins = (begins[:, None] + own["slot"].values).ravel()
@@ -128,6 +138,16 @@ def _aims(own: xr.Dataset, estimate: Array, n_observers: int) -> Array:
     if "pointing" in own:
         aims[np.isnan(own["pointing"].values).any(axis=-1)] = np.nan
     return aims
+
+
+def _field_directions(own: xr.Dataset, turn: Array, axes: Array) -> Array:
+    """Vectors (time, observer, 3) along the fields of observers without a target, NaN if they are
+    idle or the fields are not recorded."""
+    if "pointing" not in own:
+        return np.full((len(turn), own.sizes["observer"], 3), np.nan)
+    ra, dec = np.moveaxis(own["pointing"].values, -1, 0)
+    body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    return _FIELD_KM * np.einsum("tij,tkj,tok->toi", turn, axes, body)
 
 
 def _detections(cell: xr.Dataset, seed: int, frame: FrameOfCell) -> ReplayDetections:
@@ -189,6 +209,8 @@ def _facts(own: xr.Dataset) -> Mapping[str, ReplayFact]:
             facts[label] = ReplayFact(after_intervals(name), names=words)
     if "existence" in own:
         facts["probability of existence"] = ReplayFact(after_intervals("existence"))
+    if "estimated_quaternion" not in own:
+        return facts
     facts["attitude quaternion"] = ReplayFact(own["estimated_quaternion"].values, resolution=1e-3)
     if "sigma" in own:
         sigma = np.rad2deg(np.linalg.norm(own["sigma"].values[..., :3].astype(float), axis=-1))
