@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.benchmark.files import BenchmarkScenario, dates
-from cislunar.dynamics import BARYCENTER, recenter
+from cislunar.dynamics import recenter
 from cislunar.ephemeris import BodyTable, tdb_seconds
 from cislunar.errors import CislunarError, InputFileError
-from cislunar.exchange import Segment, named_rows, read_ocm, read_oem, read_segments
+from cislunar.exchange import CENTERS, Segment, named_rows, read_ocm, read_oem, read_segments
 
 Array = NDArray[np.float64]
 
@@ -135,8 +135,7 @@ def _take(
             continue
         if name in found[number]:
             raise InputFileError(f"{place}: has two states at {date}; give one")
-        center = BARYCENTER if segment.center == "EARTH BARYCENTER" else segment.center.lower()
-        state = recenter(segment.state[k], table, epoch, old=center, new="earth")
+        state = recenter(segment.state[k], table, epoch, old=CENTERS[segment.center], new="earth")
         state[:3] += state[3:] * (epoch - times[k])
         matrix = np.full((6, 6), np.nan)
         for at in np.flatnonzero(np.abs(segment.covariance_tdb_s - epoch) <= _SAME_S)[:1]:

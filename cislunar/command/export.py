@@ -3,9 +3,7 @@ formats."""
 
 import datetime
 import json
-import re
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -59,10 +57,9 @@ def _ephemeris_of(path: Path, scenario: str) -> Path:
 )
 @click.option(
     "--center",
-    type=click.Choice(["EARTH", "MOON", "EARTH BARYCENTER"]),
     default="EARTH",
     show_default=True,
-    help="Origin of states.",
+    help="Origin of states, by the CENTER_NAME of CCSDS messages.",
 )
 @click.option(
     "--ephemeris",
@@ -94,8 +91,10 @@ def export(
       cislunar export results/replay/A/published/mukf/nt20_dt60.nc --output replay.html
       cislunar export results/replay/survey/everything/0.nc --output replay.html
     """
+    from cislunar.exchange import CENTERS
     from cislunar.runtime.netcdf import read_dataset, write_text
     from cislunar.runtime.progress import logger
+    from cislunar.study.messages import cell_messages
 
     path, suffix = Path(output), Path(output).suffix.lower()
     if suffix not in _STATES | _OTHERS:
@@ -106,6 +105,10 @@ def export(
         raise ConfigurationError(
             f"--data observers: {suffix} has no states; choose one of {', '.join(_STATES)}"
         )
+    if center not in CENTERS:
+        raise ConfigurationError(
+            f"--center {center}: is unknown; choose one of {', '.join(CENTERS)}"
+        )
     found = read_dataset(cell)
     if "target_id" not in found or "settings" not in found.attrs:
         raise InputFileError(f"{cell}: is no cell of tracking; give a file of results/task2")
@@ -115,66 +118,17 @@ def export(
         )
     scenario = json.loads(found.attrs["settings"]).get("scenario", "")
     sun = read_dataset(ephemeris or _ephemeris_of(Path(cell), scenario))
-    texts = _texts(found, sun, path, data, realization, center, time_system)
-    for name, text in texts.items():
-        write_text(text, name)
-        logger.info("%s", name)
-
-
-def _texts(
-    cell: Any, sun: Any, path: Path, data: str, seed: int, center: str, time_system: str
-) -> dict[Path, str]:
-    """Files and their texts."""
-    from cislunar.campaign.tracking import (
-        cell_arcs,
-        cell_attitudes,
-        cell_maneuvers,
-        cell_observations,
-        cell_observer_arcs,
-        is_ephemeris,
+    messages = cell_messages(
+        found,
+        sun,
+        suffix,
+        {"estimates": "estimated", "truth": "true"}.get(data, data),
+        seed=realization,
+        center=center,
+        created=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S"),
+        time_system=time_system,
     )
-    from cislunar.exchange import (
-        COMMENTS,
-        EPHEMERIS_COMMENTS,
-        GEOMETRIC,
-        ades_text,
-        aem_text,
-        ocm_text,
-        oem_text,
-        segments_csv,
-        tdm_text,
-    )
-
-    suffix = path.suffix.lower()
-    if suffix == ".html":
-        from cislunar.figures.replay import cell_replay, replay_page
-
-        return {path: replay_page(cell_replay(cell, sun, seed=seed))}
-    dynamics = EPHEMERIS_COMMENTS if is_ephemeris(cell) else COMMENTS
-    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S")
-    message = {"created": now, "time_system": time_system, "comments": dynamics}
-    which = "true" if data == "truth" else "estimated"
-    if suffix == ".aem":
-        return {path: aem_text(cell_attitudes(cell, sun, which, seed=seed), **message)}
-    if suffix in (".tdm", ".psv"):
-        table = cell_observations(cell, sun, seed=seed)
-        if suffix == ".psv":
-            return {path: ades_text(table.assign(remarks=GEOMETRIC))}
-        message["comments"] = (*dynamics, GEOMETRIC)
-        return {path: tdm_text(table, **message)}
-    arcs = (
-        cell_observer_arcs(cell, sun, center=center)
-        if data == "observers"
-        else cell_arcs(cell, sun, which, seed=seed, center=center)
-    )
-    if suffix == ".oem":
-        return {path: oem_text(arcs, **message)}
-    if suffix == ".csv":
-        return {path: segments_csv(arcs, time_system=time_system)}
-    maneuvers = cell_maneuvers(cell, sun, which, seed=seed)
-    return {
-        path.with_name(
-            f"{path.stem}_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}{path.suffix}"
-        ): ocm_text(each, maneuvers.get(each.name, ()), **message)
-        for each in arcs
-    }
+    for name, text in messages.items():
+        file = path.with_name(f"{path.stem}{name}{path.suffix}")
+        write_text(text, file)
+        logger.info("%s", file)

@@ -19,6 +19,7 @@ from cislunar.exchange.inertial import (
     origin_of,
     rotating_states,
 )
+from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment
 
 Array = NDArray[np.float64]
@@ -38,8 +39,6 @@ EPHEMERIS_COMMENTS = ("States in dynamics with Earth, Moon and Sun from an ephem
 
 GEOMETRIC = "Simulated directions, without light time and aberration"
 """Definition of simulated observations."""
-
-_BARYCENTER = "EARTH BARYCENTER"
 
 
 def arc(
@@ -67,7 +66,7 @@ def arc(
     object_id : str
         International designator; `name` if omitted.
     center : str
-        Origin, one of `cislunar.exchange.inertial.CENTERS`.
+        Origin, one of `cislunar.exchange.CENTERS`.
     covariance : array_like, shape (time, 6, 6), optional
         Nondimensional, rotating frame.
 
@@ -130,9 +129,9 @@ def inertial_arc(
     times = np.asarray(tdb_s, dtype=float)
     origin_of(center)
     moved = np.asarray(state, dtype=float) * UNITS
-    if center != _BARYCENTER:
+    if (origin := CENTERS[center]) != BARYCENTER:
         table = tabulate_bodies(float(times.min()), float(times.max()), kernel)
-        moved = recenter(moved, table, times, old=BARYCENTER, new=center.lower())
+        moved = recenter(moved, table, times, old=BARYCENTER, new=origin)
     found = Segment(name, object_id or name, center, times, moved)
     if covariance is None:
         return found

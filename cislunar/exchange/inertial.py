@@ -20,16 +20,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.frames import BARYCENTER
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import sample_ephemeris
 from cislunar.errors import CislunarError, ConfigurationError
+from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.exchange.table_rows import check_state
 
 Array = NDArray[np.float64]
 
-CENTERS = {"EARTH": -MU, "MOON": 1.0 - MU, "EARTH BARYCENTER": 0.0}
-"""Positions of the origins on the x axis, nondimensional, by their names in CCSDS messages."""
+_PLACES = {"earth": -MU, "moon": 1.0 - MU, BARYCENTER: 0.0}
+"""Positions of the origins on the x axis, nondimensional."""
 
 _MESSAGE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 """Components of states in messages (CCSDS 502.0-B, section 4.2.4)."""
@@ -70,7 +72,7 @@ def inertial_states(
         Times since the epoch, s.
     epoch : Epoch
     center : str
-        Origin of the result, one of `CENTERS`.
+        Origin of the result, one of `cislunar.exchange.CENTERS`.
 
     Returns
     -------
@@ -171,7 +173,7 @@ def origin_of(center: str) -> Array:
     """State (6,) of an origin, nondimensional, rotating frame; refuses an unknown one."""
     if center not in CENTERS:
         raise ConfigurationError(f"center {center!r} is unknown: use one of {', '.join(CENTERS)}")
-    return np.array([CENTERS[center], 0.0, 0.0, 0.0, 0.0, 0.0])
+    return np.array([_PLACES[CENTERS[center]], 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def _to_inertial(elapsed_s: ArrayLike, epoch: Epoch) -> Array:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.dynamics.frames import BARYCENTER
 from cislunar.ephemeris.time_scales import (
     TIME_SYSTEMS,
     clock_seconds,
@@ -31,14 +32,17 @@ Lines = list[tuple[int, str]]
 FRAMES = ("ICRF", "GCRF", "EME2000", "J2000")
 """Names of frames that are treated as the ICRF."""
 
-ORIGINS = {
-    "EARTH": "EARTH",
-    "MOON": "MOON",
-    "EARTH BARYCENTER": "EARTH BARYCENTER",
-    "EARTH-MOON BARYCENTER": "EARTH BARYCENTER",
-    "EMB": "EARTH BARYCENTER",
+EARTH_MOON = "EARTH BARYCENTER"
+"""CENTER_NAME of the barycenter of Earth and Moon."""
+
+CENTERS = {"EARTH": "earth", "MOON": "moon", EARTH_MOON: BARYCENTER}
+"""Origins of states by CENTER_NAME, and their names in `cislunar.dynamics.frames`."""
+
+ORIGINS = {name: name for name in CENTERS} | {
+    "EARTH-MOON BARYCENTER": EARTH_MOON,
+    "EMB": EARTH_MOON,
 }
-"""Values of CENTER_NAME, and their names in `cislunar.exchange.inertial.CENTERS`."""
+"""Values of CENTER_NAME that are read, and their names in `CENTERS`."""
 
 SAME_TIME_S = 2e-6
 """Dates closer than this are equal, because they are written to the microsecond."""

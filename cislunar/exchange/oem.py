@@ -34,7 +34,7 @@ class Segment(NamedTuple):
     name, object_id : str
         OBJECT_NAME and OBJECT_ID.
     center : str
-        Origin, one of `cislunar.exchange.inertial.CENTERS`.
+        Origin, one of `cislunar.exchange.CENTERS`.
     tdb_s : ndarray, shape (time,)
         TDB seconds past J2000, increasing.
     state : ndarray, shape (time, 6)

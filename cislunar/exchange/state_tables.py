@@ -16,8 +16,8 @@ import numpy as np
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import InputFileError
-from cislunar.exchange.inertial import CENTERS
 from cislunar.exchange.key_values import (
+    CENTERS,
     FRAMES,
     SAME_TIME_S,
     dates,

@@ -5,6 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "estimation": ["ObservedResult", "estimate"],
+    "messages": ["CREATED", "cell_messages", "check_seed"],
     "observed": ["Observed", "read_observations", "reduce_interval"],
     "orbit_text": ["FORM", "Orbit", "member_of", "members_of", "read_orbit"],
     "objects": ["StudyObject", "read_objects"],

@@ -16,6 +16,7 @@ from cislunar.observation.records import Schedule
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, sensors_of
 from cislunar.runtime.progress import Progress
+from cislunar.study.messages import check_seed
 from cislunar.study.observed import Observed, Reduced, reduce_interval
 from cislunar.study.results import StudyResult, sigma_columns
 from cislunar.tasking.histories import HISTORIES
@@ -189,7 +190,7 @@ class ObservedResult(StudyResult):
 
     def observations(self, seed: int = 0) -> pd.DataFrame:
         """The observations that the study was given."""
-        self._check_seed(seed)
+        check_seed(self.cell, seed)
         return self.study.observations
 
     def _observed(self) -> tuple[Array, dict[str, tuple]]:

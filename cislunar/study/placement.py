@@ -22,6 +22,7 @@ from cislunar.exchange.inertial import (
     rotating_covariances,
     rotating_states,
 )
+from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.study.objects import StudyObject
 from cislunar.tasking.initial_conditions import initial_estimate
@@ -31,8 +32,6 @@ from cislunar.visibility.tracks import satellite_tracks
 Array = NDArray[np.float64]
 
 _PROPAGATOR = "dop853"
-_FRAME = {"EARTH": "earth", "MOON": "moon", "EARTH BARYCENTER": BARYCENTER}
-"""Origins of messages, by their names in `cislunar.dynamics.frames`."""
 
 
 def place_objects(
@@ -117,7 +116,7 @@ def _state_at(
     state, center = state_at(segments, float(tdb_s))
     if ephemeris is None:
         return rotating_states(state[None], [elapsed_s], epoch, center)[0]
-    moved = recenter(state, ephemeris.table, tdb_s, old=_FRAME[center], new=BARYCENTER)
+    moved = recenter(state, ephemeris.table, tdb_s, old=CENTERS[center], new=BARYCENTER)
     return moved / UNITS
 
 

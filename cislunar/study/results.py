@@ -11,11 +11,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.records import (
-    cell_arcs,
-    cell_attitudes,
     cell_observations,
-    cell_observer_arcs,
     frame_epoch,
+    is_ephemeris,
     measured_directions,
 )
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
@@ -23,14 +21,10 @@ from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import STATUS_NAMES
-from cislunar.exchange.aem import aem_text
-from cislunar.exchange.arcs import COMMENTS, EPHEMERIS_COMMENTS, GEOMETRIC
 from cislunar.exchange.key_values import dates
-from cislunar.exchange.oem import oem_text
-from cislunar.exchange.state_tables import segments_csv
-from cislunar.exchange.tdm import tdm_text
 from cislunar.runtime.netcdf import write_text
 from cislunar.runtime.settings_words import shown
+from cislunar.study.messages import CREATED, cell_messages, check_seed
 from cislunar.tasking.realization import USED
 
 if TYPE_CHECKING:
@@ -48,7 +42,6 @@ _PARTS = {
     "velocity": (slice(9, 12), _SPEED_KM_S, "km/s"),
 }
 """Parts of an error: components, and their practical unit."""
-_CREATED = "2000-01-01T00:00:00"
 
 
 class StudyResult:
@@ -171,7 +164,9 @@ class StudyResult:
         }
         if "epoch" in cell:
             coords["epoch"] = self.utc(cell["epoch"].values)
-        frame = "barycentric, J2000 axes" if self._inertial else "rotating, Earth-Moon barycenter"
+        frame = (
+            "barycentric, J2000 axes" if is_ephemeris(cell) else "rotating, Earth-Moon barycenter"
+        )
         attrs = {key: cell.attrs[key] for key in ("title", "source", "settings", "seed")}
         return xr.Dataset(found, coords, {**attrs, "frame": frame, "time_scale": "UTC"})
 
@@ -209,13 +204,8 @@ class StudyResult:
             (target), ``ra`` and ``dec`` (ICRF, deg), ``mag``, and their standard deviations; see
             `cislunar.exchange.observations`. Directions are geometric, without light time.
         """
-        self._check_seed(seed)
+        check_seed(self.cell, seed)
         return cell_observations(self.cell, self.sun, seed=seed)
-
-    @property
-    def _inertial(self) -> bool:
-        """Whether the propagation frame has the axes of the ICRF."""
-        return self.study.settings.dynamics.truth == "ephemeris"
 
     def plot(self, kind: str = "errors", target: str | None = None) -> Figure:
         """Draw a figure of the first realization.
@@ -255,29 +245,15 @@ class StudyResult:
             return single_run.schedule_figure(self.cell, names)
         return single_run.light_curve_figure(self.cell, names, target)
 
-    def _check_seed(self, seed: int) -> None:
-        if not isinstance(seed, int) or not 0 <= seed < self.cell.sizes["seed"]:
-            raise ConfigurationError(
-                f"seed = {shown(seed)}: the realizations are 0 .. {self.cell.sizes['seed'] - 1}"
-            )
-
-    def _arcs(self, which: str, seed: int) -> list:
-        self._check_seed(seed)
-        if which == "observers":
-            return cell_observer_arcs(self.cell, self.sun)
-        if which not in ("estimated", "true"):
-            raise ConfigurationError(
-                f"which = {shown(which)} must be 'estimated', 'true' or 'observers'"
-            )
-        return cell_arcs(self.cell, self.sun, which, seed=seed)
-
-    @property
-    def _comments(self) -> tuple[str, ...]:
-        """Definition of the states."""
-        return EPHEMERIS_COMMENTS if self._inertial else COMMENTS
+    def _write(self, ending: str, path: str | Path | None, *which: str, **given: Any) -> str:
+        """The text of a format, written to a file if there is one."""
+        (text,) = cell_messages(self.cell, self.sun, ending, *which, **given).values()
+        if path is not None:
+            write_text(text, path)
+        return text
 
     def to_oem(self, path: str | Path | None = None, which: Which = "estimated", *, seed: int = 0,
-               created: str = _CREATED) -> str:  # fmt: skip
+               created: str = CREATED) -> str:  # fmt: skip
         """Write the states of all targets as a CCSDS OEM, estimates with their covariance, or those
         of the observers.
 
@@ -298,32 +274,26 @@ class StudyResult:
         str
             The message.
         """
-        arcs = self._arcs(which, seed)
-        return _save(oem_text(arcs, created=created, comments=self._comments), path)
+        return self._write(".oem", path, which, seed=seed, created=created)
 
     def to_aem(self, path: str | Path | None = None, which: str = "estimated", *, seed: int = 0,
-               created: str = _CREATED) -> str:  # fmt: skip
+               created: str = CREATED) -> str:  # fmt: skip
         """Write the attitudes of all targets, estimated or true, as a CCSDS AEM; see `to_oem` for
         arguments and result."""
-        self._check_seed(seed)
-        if which not in ("estimated", "true"):
-            raise ConfigurationError(f"which = {shown(which)} must be 'estimated' or 'true'")
-        attitudes = cell_attitudes(self.cell, self.sun, which, seed=seed)
-        return _save(aem_text(attitudes, created=created, comments=self._comments), path)
+        return self._write(".aem", path, which, seed=seed, created=created)
 
-    def to_tdm(self, path: str | Path | None = None, *, seed: int = 0, created: str = _CREATED
+    def to_tdm(self, path: str | Path | None = None, *, seed: int = 0, created: str = CREATED
                ) -> str:  # fmt: skip
         """Write the observations of a realization as a CCSDS TDM; see `observations` and
         `to_oem` for arguments and result."""
-        simulated = "observation_seed" in self.cell
-        given = {"created": created, "comments": (*self._comments, GEOMETRIC) if simulated else ()}
-        return _save(tdm_text(self.observations(seed), **given), path)
+        table = self.study.observations
+        return self._write(".tdm", path, seed=seed, created=created, table=table)
 
     def to_csv(self, path: str | Path | None = None, which: Which = "estimated", *, seed: int = 0
                ) -> str:  # fmt: skip
         """Write the states of all targets, or of the observers, as a table
         (`cislunar.exchange.state_tables`); see `to_oem` for arguments and result."""
-        return _save(segments_csv(self._arcs(which, seed)), path)
+        return self._write(".csv", path, which, seed=seed)
 
     def to_replay(self, path: str | Path | None = None, *, seed: int = 0) -> str:
         """Write an interactive page that replays a realization: observers with their fields of
@@ -341,10 +311,7 @@ class StudyResult:
         str
             HTML; see `cislunar.figures.replay`.
         """
-        from cislunar.figures.replay import cell_replay, replay_page
-
-        self._check_seed(seed)
-        return _save(replay_page(cell_replay(self.cell, self.sun, seed=seed)), path)
+        return self._write(".html", path, seed=seed)
 
 
 def labeled(dims: Any, values: Any, unit: str, words: str) -> tuple:
@@ -375,12 +342,6 @@ def _counted(status: NDArray[np.int64]) -> str:
         for name, count in counts.items()
         if count
     )
-
-
-def _save(text: str, path: str | Path | None) -> str:
-    if path is not None:
-        write_text(text, path)
-    return text
 
 
 def _rotation_deg(error: Array) -> Array:

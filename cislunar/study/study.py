@@ -146,6 +146,7 @@ class Study:
         self._observed: Observed | None = None
         self._light_time = light_time
         if observations is not None:
+            _check_single(chosen.seeds)
             sensors = sensors_of(self._loop(self._inputs())[1].sensor, self.n_observers)
             names = self.observer_names, [each.name for each in self.targets], sensors
             self.observations, *source = observation_table(observations)
@@ -310,8 +311,8 @@ class Study:
         """
         from cislunar.figures.space.orbits_page import orbits_page
 
-        own = [(each.name, each.state, each.period) for each in self.observers]
-        found = concatenate([orbit_through(*each, self._days) for each in own])
+        given = ((each.name, each.state, each.period) for each in self.observers)
+        found = concatenate([orbit_through(*each, self._days) for each in given])
         closed = OrbitSet(*(column[found.period > 0.0] for column in found))
         orbits = orbit_set_dataset(closed, "orbit", "Observers of a study", {})
         text = orbits_page(orbits, _orbits(self.targets, "target"), {}, {})
@@ -328,25 +329,26 @@ class Study:
         Parameters
         ----------
         seeds : int, optional
-            Number of realizations of truth and noise; ``settings.seeds`` if omitted.
+            Number of realizations of truth and noise; ``settings.seeds`` if omitted, and 1 with
+            `observations`.
 
         Returns
         -------
         StudyResult
             With `observations` an `ObservedResult`, which has residuals in place of errors.
         """
-        if self._observed is not None:
-            return self._estimated()
         count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
+        if self._observed is not None:
+            _check_single(count)
+            return self._estimated()
         inputs, kept = self._inputs(), {**self._kept, "seeds": count}
-        own = self.settings
         with self._own_words(), _shown(kept, self.settings.estimator):
             found = cell_dataset(
                 self._cell,
                 inputs,
                 kept,
                 propagator="dop853",
-                seed=own.seed,
+                seed=self.settings.seed,
                 progress=progress_log("tasking epochs of all realizations"),
                 placement=self._placement(inputs),
                 names=_NAMES,
@@ -361,19 +363,21 @@ class Study:
         rotation = None if moving else frame_epoch(inputs.sun).rotation
         with _shown(kept, self.settings.estimator):
             loop = self._loop(inputs)[0]
-            found = estimate(
-                loop.inputs,
-                self._observed,
-                rotation,
-                self.settings.seed,
-                progress_log("intervals"),
-                light_time=self._light_time,
-            )
+            given = self._observed, rotation, self.settings.seed, progress_log("intervals")
+            found = estimate(loop.inputs, *given, light_time=self._light_time)
         title = f"Estimates of {len(self.targets)} targets from observations"
         names = [each.name for each in self.targets]
         found = found.assign_coords(variables(target_name=("target", names, "1", "name")))
         found.attrs |= provenance(title, settings=kept, seed=self.settings.seed)
         return ObservedResult(self, self._described(found, inputs.sun, title), inputs.sun)
+
+
+def _check_single(seeds: int) -> None:
+    """Refuse several realizations of real observations."""
+    if seeds != 1:
+        raise ConfigurationError(
+            f"seeds = {seeds}: observations have one realization; leave it out"
+        )
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import cislunar as cs
 from cislunar.command.main import cislunar
-from cislunar.errors import CislunarError
+from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.study.settings import StudySettings
 
 EYE, OBSERVER = {"eye": "Halo_L2_S,period=6.56"}, {"family": "Halo_L2_S", "period_days": 6.56}
@@ -300,3 +300,15 @@ def test_help_states_the_defaults_of_a_study():
     shown = inspect.signature(StudySettings).parameters
     for key in ("seeds", "duration_hours", "step_s", "tasking", "sensor", "initial_sigma", "body"):
         assert shown[key].default == getattr(chosen, key)
+
+
+def test_realizations_of_real_observations_are_refused(tmp_path):
+    """Neither the call nor the settings are ignored without a word."""
+    table = pd.DataFrame([OBSERVATION])
+    given = {"observations": table, "dynamics": {"truth": "cr3bp"}}
+    words = r"^seeds = 3: observations have one realization; leave it out$"
+    with pytest.raises(ConfigurationError, match=words):
+        studied(EYE, TARGET, "2027-03-01", **given, seeds=3)
+    study = studied(EYE, TARGET, "2027-03-01", **given)
+    with pytest.raises(ConfigurationError, match=words):
+        study.run(seeds=3)

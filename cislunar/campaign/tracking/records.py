@@ -12,14 +12,14 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.quaternion import compose, normalize
-from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import direction_errors, icrf_directions
 from cislunar.ephemeris import COLUMNS, DEFAULT_KERNEL, read_table, rotating_frame, tabulate_bodies
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.evaluation.characterization import INTERVAL_PARTS
-from cislunar.exchange import CENTERS, AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
+from cislunar.exchange import AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.observation.scene import Scene
 from cislunar.runtime import Array
@@ -109,7 +109,7 @@ class FrameOfCell(NamedTuple):
         the positions (time, 3) of Earth and Moon in it relative to their barycenter, km."""
         if not self.ephemeris:
             turn = np.broadcast_to(np.eye(3), (np.size(time_s), 3, 3))
-            earth, moon = (LENGTH_UNIT_KM * CENTERS[name] for name in ("EARTH", "MOON"))
+            earth, moon = (LENGTH_UNIT_KM * place for place in (-MU, 1.0 - MU))
         else:
             tdb = self.tdb_s(time_s)
             table = tabulate_bodies(float(tdb.min()), float(tdb.max()), self.kernel)
@@ -208,7 +208,7 @@ def cell_arcs(
     seed : int
         Index of the realization.
     center : str
-        Origin, one of `cislunar.exchange.inertial.CENTERS`. In ephemeris dynamics Earth and Moon
+        Origin, one of `cislunar.exchange.CENTERS`. In ephemeris dynamics Earth and Moon
         are those of the ephemeris, otherwise those of the circular problem.
 
     Returns

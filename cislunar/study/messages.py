@@ -1,0 +1,128 @@
+"""A study or a cell of a campaign in the formats of `cislunar.exchange`, and as a replay."""
+
+import re
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from cislunar.campaign.tracking import (
+    cell_arcs,
+    cell_attitudes,
+    cell_maneuvers,
+    cell_observations,
+    cell_observer_arcs,
+    is_ephemeris,
+)
+from cislunar.constants import DATE_SYSTEM
+from cislunar.errors import ConfigurationError
+from cislunar.exchange import (
+    COMMENTS,
+    EPHEMERIS_COMMENTS,
+    GEOMETRIC,
+    ades_text,
+    aem_text,
+    ocm_text,
+    oem_text,
+    segments_csv,
+    tdm_text,
+)
+from cislunar.runtime.settings_words import shown
+
+CREATED = "2000-01-01T00:00:00"
+"""CREATION_DATE unless another one is given, so that the same data set gives the same file."""
+
+_ENDINGS = {".aem": ("estimated", "true")} | dict.fromkeys(
+    (".oem", ".csv", ".ocm"), ("estimated", "true", "observers")
+)
+"""Formats of states or attitudes, and whose they can be."""
+
+
+def cell_messages(
+    cell: xr.Dataset,
+    sun: xr.Dataset,
+    ending: str,
+    which: str = "estimated",
+    *,
+    seed: int = 0,
+    center: str = "EARTH",
+    created: str = CREATED,
+    time_system: str = DATE_SYSTEM,
+    table: pd.DataFrame | None = None,
+) -> dict[str, str]:
+    """Texts of the files of a data set in a format.
+
+    Parameters
+    ----------
+    cell, sun : xarray.Dataset
+        A cell made with the records that the format needs, and its ``ephemeris/sun.nc``.
+    ending : {".oem", ".csv", ".ocm", ".aem", ".tdm", ".psv", ".html"}
+        Format by the ending of its files: OEM, table of states, an OCM per object, AEM, TDM, ADES,
+        or replay.
+    which : {"estimated", "true", "observers"}
+        Whose states or attitudes.
+    seed : int
+        Index of the realization.
+    center : str
+        Origin of states in the ICRF, one of `cislunar.exchange.CENTERS`.
+    created : str
+        CREATION_DATE, ISO 8601, UTC.
+    time_system : {"UTC", "TAI", "TT", "TDB"}
+        Time scale of dates; ADES is always in UTC.
+    table : DataFrame, optional
+        Real observations of the study; those of the simulation if omitted.
+
+    Returns
+    -------
+    dict of str to str
+        Texts by what their files' names have after the stem: nothing, or with OCM the object.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell lacks a record or the realization, or an argument is unknown.
+    """
+    check_seed(cell, seed)
+    if which not in _ENDINGS.get(ending, (which,)):
+        *others, last = map(repr, _ENDINGS[ending])
+        raise ConfigurationError(f"which = {shown(which)} must be {', '.join(others)} or {last}")
+    if ending == ".html":
+        from cislunar.figures.replay import cell_replay, replay_page
+
+        return {"": replay_page(cell_replay(cell, sun, seed=seed))}
+    dynamics = EPHEMERIS_COMMENTS if is_ephemeris(cell) else COMMENTS
+    message: dict[str, Any] = {"created": created, "time_system": time_system}
+    if ending in (".tdm", ".psv"):
+        comments: tuple[str, ...] = ()
+        if table is None:
+            table = cell_observations(cell, sun, seed=seed).assign(remarks=GEOMETRIC)
+            comments = (*dynamics, GEOMETRIC)
+        if ending == ".psv":
+            return {"": ades_text(table)}
+        return {"": tdm_text(table, **message, comments=comments)}
+    message["comments"] = dynamics
+    if ending == ".aem":
+        return {"": aem_text(cell_attitudes(cell, sun, which, seed=seed), **message)}
+    if which == "observers":
+        arcs = cell_observer_arcs(cell, sun, center=center)
+    else:
+        arcs = cell_arcs(cell, sun, which, seed=seed, center=center)
+    if ending == ".oem":
+        return {"": oem_text(arcs, **message)}
+    if ending == ".csv":
+        return {"": segments_csv(arcs, time_system=time_system)}
+    maneuvers = {} if which == "observers" else cell_maneuvers(cell, sun, which, seed=seed)
+    return {
+        f"_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}": ocm_text(
+            each, maneuvers.get(each.name, ()), **message
+        )
+        for each in arcs
+    }
+
+
+def check_seed(cell: xr.Dataset, seed: int) -> None:
+    """Refuse the index of a realization that a cell does not have."""
+    if not isinstance(seed, int) or not 0 <= seed < cell.sizes["seed"]:
+        raise ConfigurationError(
+            f"seed = {shown(seed)}: the realizations are 0 .. {cell.sizes['seed'] - 1}"
+        )
