@@ -89,8 +89,10 @@ def cell_replay(
             untracked = np.where(unknown, truth, np.nan)
     if "assignment" in own:
         aims = _aims(own, estimate, observed.shape[1])
-    else:
+    elif "pointing" in own:
         aims = observed + _field_directions(own, turn, cell["observer_axes"].values[steps])
+    else:
+        aims = np.full(observed.shape, np.nan)
     return Replay(
         title=str(cell.attrs["title"]),
         utc=observation_dates(frame.tdb_s(times)),
@@ -142,9 +144,7 @@ def _aims(own: xr.Dataset, estimate: Array, n_observers: int) -> Array:
 
 def _field_directions(own: xr.Dataset, turn: Array, axes: Array) -> Array:
     """Vectors (time, observer, 3) along the fields of observers without a target, NaN if they are
-    idle or the fields are not recorded."""
-    if "pointing" not in own:
-        return np.full((len(turn), own.sizes["observer"], 3), np.nan)
+    idle."""
     ra, dec = np.moveaxis(own["pointing"].values, -1, 0)
     body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
     return _FIELD_KM * np.einsum("tij,tkj,tok->toi", turn, axes, body)
