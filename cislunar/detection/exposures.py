@@ -31,7 +31,7 @@ from cislunar.observation.sensor import (
     noise_variance_at,
     sensor_limits,
 )
-from cislunar.observation.sightline import direction_angles, wrap_angle, wrapped
+from cislunar.observation.sightline import direction_angles, unit_vectors, wrap_angle, wrapped
 from cislunar.observation.target_surfaces import TargetSurfaces
 
 Array = NDArray[np.float64]
@@ -116,8 +116,7 @@ def point_at(
 def boresight_vectors(exposures: Exposures, scene: Scene, first: int) -> Array:
     """Unit vectors (exposure, 3) of the boresights, propagation frame; `first` is the index of the
     first step among the scene's times."""
-    ra, dec = exposures.boresight.T
-    body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    body = unit_vectors(*exposures.boresight.T)
     return np.einsum("nji,nj->ni", scene.observer_axes[first + exposures.step], body)
 
 

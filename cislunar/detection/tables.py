@@ -15,6 +15,7 @@ from cislunar.exchange.observation_files import observation_table
 from cislunar.exchange.observations import checked, observation_dates, require
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
+from cislunar.observation.sightline import unit_vectors
 
 Array = NDArray[np.float64]
 
@@ -200,7 +201,7 @@ def _turns(index: NDArray[np.int64], scene: Scene, axes: ArrayLike) -> Array:
 def _tangents(ra: Array, dec: Array) -> tuple[Array, Array]:
     """Unit vectors (n, 3), and those along right ascension and declination (n, 2, 3)."""
     zero = np.zeros_like(ra)
-    unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    unit = unit_vectors(ra, dec)
     east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)
     north = np.cross(unit, east)
     return unit, np.stack([east, north], axis=1)

@@ -217,3 +217,9 @@ def dimming(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Array:
     `sunlit_share` for the arguments and the shape."""
     with np.errstate(divide="ignore"):
         return -2.5 * np.log10(sunlit_share(place, sun, primaries))
+
+
+def unit_vectors(ra: ArrayLike, dec: ArrayLike) -> Array:
+    """Unit vectors (..., 3) of directions, rad."""
+    a, d = np.asarray(ra, dtype=float), np.asarray(dec, dtype=float)
+    return np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)], axis=-1)

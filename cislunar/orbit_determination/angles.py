@@ -27,7 +27,7 @@ from cislunar.detection import read_detections
 from cislunar.dynamics import CR3BP, EphemerisForces, pulsating_frame
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError
-from cislunar.observation import ARCSECOND
+from cislunar.observation import ARCSECOND, unit_vectors
 from cislunar.runtime.arguments import array_of
 
 Array = NDArray[np.float64]
@@ -249,7 +249,7 @@ def angles_from_table(
                 (centers == code)[:, None], position[:, COLUMNS[body]], 0.0
             )
     ra, dec = np.deg2rad(table[["ra", "dec"]].to_numpy()).T
-    unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    unit = unit_vectors(ra, dec)
     basis = tangent_basis(unit)
     sun, drift = position[:, COLUMNS["sun"]], -velocity[:, COLUMNS["sun"]]
     if isinstance(forces, EphemerisForces):

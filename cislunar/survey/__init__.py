@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "catalog": ["Predictions", "SurveyCatalog"],
     "density": ["ObjectDensity"],
-    "fields": ["FieldGrid", "Views", "detection_probability", "unit_vectors", "views"],
+    "fields": ["FieldGrid", "Views", "detection_probability", "views"],
     "hand_over": ["HandOver", "hand_over", "uniform_attitude_sigma"],
     "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
     "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection import DetectionProcess, Detections, Exposures, boresight_vectors
 from cislunar.estimation.navigation import ObserverErrors
-from cislunar.observation import Scene, SensorLimits
+from cislunar.observation import Scene, SensorLimits, unit_vectors
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
@@ -35,7 +35,6 @@ from cislunar.orbit_determination import (
     orbits_at,
     tangent_basis,
 )
-from cislunar.survey.fields import unit_vectors
 from cislunar.survey.maneuvers import (
     CURRENT,
     FieldHistory,

@@ -21,6 +21,7 @@ from cislunar.observation import (
     in_clear_view,
     limits_of,
     sphere_margin,
+    unit_vectors,
 )
 from cislunar.photometry import faintness_per_squared_range
 
@@ -75,12 +76,6 @@ class FieldGrid:
         turn = np.mod(np.asarray(ra), 2.0 * np.pi) / (2.0 * np.pi)
         column = np.minimum((turn * self._count[row]).astype(np.int64), self._count[row] - 1)
         return self._first[row] + column
-
-
-def unit_vectors(ra: ArrayLike, dec: ArrayLike) -> Array:
-    """Unit vectors (..., 3) of directions, rad."""
-    a, d = np.asarray(ra, dtype=float), np.asarray(dec, dtype=float)
-    return np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)], axis=-1)
 
 
 class Views(NamedTuple):

@@ -29,9 +29,9 @@ from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
-from cislunar.observation import Scene, SensorLimits
+from cislunar.observation import Scene, SensorLimits, unit_vectors
 from cislunar.runtime.settings_fields import require_multiple
-from cislunar.survey.fields import FieldGrid, Views, unit_vectors, views
+from cislunar.survey.fields import FieldGrid, Views, views
 from cislunar.survey.settings import DENSITY, STARING, SWEEP, SearchSettings
 
 Array = NDArray[np.float64]

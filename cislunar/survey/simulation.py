@@ -26,7 +26,7 @@ from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation import ObserverErrors
-from cislunar.observation import Scene, Sensors, sensor_limits
+from cislunar.observation import Scene, Sensors, sensor_limits, unit_vectors
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
@@ -38,7 +38,7 @@ from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
 from cislunar.survey.catalog import Predictions, SurveyCatalog
 from cislunar.survey.density import ObjectDensity
-from cislunar.survey.fields import Views, detection_probability, unit_vectors, views
+from cislunar.survey.fields import Views, detection_probability, views
 from cislunar.survey.planning import KnownOrbits, SearchPlanner, Visits
 from cislunar.survey.quality import (
     CatalogState,

@@ -7,7 +7,7 @@ import pytest
 
 from cislunar.detection import boresight_vectors, tangent_offset
 from cislunar.errors import ConfigurationError
-from cislunar.observation import METERS, Sensor, sensor_limits
+from cislunar.observation import METERS, Sensor, sensor_limits, unit_vectors
 from cislunar.photometry import phase_angle, sphere_magnitude
 from cislunar.survey import (
     FieldGrid,
@@ -15,7 +15,6 @@ from cislunar.survey import (
     SearchPlanner,
     SearchSettings,
     detection_probability,
-    unit_vectors,
     views,
 )
 from cislunar.tasking import tracking_problem

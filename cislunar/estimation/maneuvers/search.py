@@ -32,6 +32,7 @@ from cislunar.dynamics.forces import of_targets
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
+from cislunar.observation.sightline import unit_vectors
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -224,7 +225,7 @@ class ReachableSearch:
             planned, way = self._plan.get((k, o), (-1, None))
             ra, dec = measurements.value[row, 1:]
             if planned == target[row] and np.isfinite(ra):
-                body = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+                body = unit_vectors(ra, dec)
                 seen = self._scene.observer_axes[k].T @ body
                 found[row] = seen @ way >= np.cos(self._half_field[o])
         return of_lost, found
@@ -235,7 +236,7 @@ class ReachableSearch:
         k, observer, (ra, dec) = measured
         given = self.lost.pop(target)
         state = self._moved(target, given.state, given.index, max(k, given.index))
-        body = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+        body = unit_vectors(ra, dec)
         seen = self._scene.observer_axes[k].T @ body
         away = np.nan_to_num(state[:, :3]) - self._scene.observer_position[observer, k]
         near = int(np.argmax(away @ seen / np.linalg.norm(away, axis=1)))

@@ -19,7 +19,7 @@ from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.exchange.observations import observation_dates
 from cislunar.figures.replay.page import Replay, ReplayDetections, ReplayFact, ReplayManeuver
-from cislunar.observation.sensor import sensors_of
+from cislunar.observation import sensors_of, unit_vectors
 from cislunar.runtime import Array
 
 RECORD = ("estimates", "covariance", "measurements")
@@ -145,8 +145,7 @@ def _aims(own: xr.Dataset, estimate: Array, n_observers: int) -> Array:
 def _field_directions(own: xr.Dataset, turn: Array, axes: Array) -> Array:
     """Vectors (time, observer, 3) along the fields of observers without a target, NaN if they are
     idle."""
-    ra, dec = np.moveaxis(own["pointing"].values, -1, 0)
-    body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    body = unit_vectors(*np.moveaxis(own["pointing"].values, -1, 0))
     return _FIELD_KM * np.einsum("tij,tkj,tok->toi", turn, axes, body)
 
 
@@ -170,7 +169,7 @@ def _detections(cell: xr.Dataset, seed: int, frame: FrameOfCell) -> ReplayDetect
         turn = turn @ frame.to_icrf(times).swapaxes(1, 2)
     else:
         turn = turn @ cell["observer_axes"].values[step[rows]].swapaxes(1, 2)
-    body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    body = unit_vectors(ra, dec)
     direction = np.einsum("nij,nj->ni", turn, body)
     return ReplayDetections(times, observer, target, direction, magnitude)
 
