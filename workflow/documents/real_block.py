@@ -191,7 +191,8 @@ _LIMITS = {
         "its day means", 0.97, 2.0, by_interval=True),
     "anees_mean": _Limit("ANEES between 0.8 and 1.5, arithmetic mean of the days", 0.8, 1.5),
     "anees_unique": _Limit(
-        "ANEES between 0.8 and 1.5 while the attitude is unique", 0.8, 1.5, of="attitude"),
+        "ANEES between 0.8 and 1.5 while the attitude is unique, where its status is recorded",
+        0.8, 1.5, of="attitude"),
 }  # fmt: skip
 
 
@@ -211,7 +212,7 @@ def _verdict(tables: Tables) -> dict[str, str]:
              f"{targets} targets{', seven days' if way == RECOMMENDED_WEEK else ''})")
             for (way, n, targets), cell in own.items()
             for row in cell.values()
-            if row["quantity"] == quantity
+            if row["quantity"] == quantity and row["days"]
         ]  # fmt: skip
         if not found:
             continue
