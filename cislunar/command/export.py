@@ -76,7 +76,7 @@ def export(
     ephemeris: str | None,
     time_system: str,
 ) -> None:
-    """Write a cell of the campaign, or the record of a survey, in a standard format.
+    """Write a cell, or the record of a survey, in a standard format.
 
     States are in km and km/s, ICRF axes, and the files state frame, center and time scale. The cell
     must have been made with the records that the format needs (`task2.record`): estimates or truth

@@ -50,7 +50,7 @@ use rule survey as survey_record with:
         results("replay/survey/{survey}/{realization}.nc"),
     log:
         log_of("replay/survey/{survey}/{realization}"),
-        times=benchmark_of("replay/survey/{survey}_{realization}"),
+        times=benchmark_of("survey_record/{survey}_{realization}"),
     message:
         "Recording survey {wildcards.survey}, realization {wildcards.realization}"
 
