@@ -31,7 +31,12 @@ def _groups(quantity: str) -> tuple[str, str]:
 
 ROWS = (
     Row("right orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
-    Row("right orbits,\n% of findable objects", _groups("completeness"), 100.0, within=PERCENT),
+    Row(
+        "right orbits, % of objects\nwith three tracklets",
+        _groups("completeness"),
+        100.0,
+        within=PERCENT,
+    ),
     Row("wrong orbits,\n% of confirmed", ("wrong_share",), factor=100.0, within=PERCENT),
     Row("normalized estimation\nerror squared", ("nees",), reference=6.0, within=(0.0, np.inf)),
 )
@@ -49,10 +54,10 @@ object leaves an error without a limit."""
 def catalog_figure(table: pd.DataFrame) -> Figure:
     """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: right
     orbits by groups of objects, and wrong orbits and consistency of all."""
-    places = list(table.groupby(["survey", "day"], sort=False).groups)
+    places = list(table.groupby(["label", "day"], sort=False).groups)
     moving = _BALLISTIC.curves[0] in set(table["quantity"])
     rows = (*ROWS[:-1], _BALLISTIC if moving else ROWS[-1])
-    names = [f"{survey.replace('-', ' ')}, {day:g} d" for survey, day in places]
+    names = [f"{label} ({day:g} d)" for label, day in places]
     left = 0.25 + _LETTER * max(map(len, names), default=0)
     grid = Grid(1, len(rows), _WIDTH_IN, _LINE_IN * (len(places) + 1), left, _FOOT, _GAP)
     width, height = grid.size
@@ -61,7 +66,7 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
         axes = grid.place(figure, 0, number)
         several, empty = len(row.curves) > 1, True
         for which, (quantity, series) in enumerate(zip(row.curves, _SERIES, strict=False)):
-            own = table[table["quantity"] == quantity].set_index(["survey", "day"])
+            own = table[table["quantity"] == quantity].set_index(["label", "day"])
             at = [k for k, place in enumerate(places) if place in own.index]
             if not at:
                 continue

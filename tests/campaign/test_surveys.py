@@ -210,7 +210,20 @@ def test_the_table_has_means_over_realizations(found):
     figure = catalog_figure(table)
     assert len(figure.axes) == 4
     names = [each.get_text() for each in figure.axes[0].get_yticklabels()]
-    assert names == ["usual, 0.125 d", "ephemeris, 0.125 d"]
+    assert names == ["usual (0.125 d)", "ephemeris (0.125 d)"]
+    assert table["label"].unique().tolist() == ["usual", "ephemeris"]
+
+
+def test_a_label_is_the_name_of_a_survey_in_table_and_figure(found):
+    surveys, rows = found
+    label = {"label": "all objects, no false alarms"}
+    surveys = surveys | {"usual": surveys["usual"].model_copy(update=label)}
+    table = catalog_rows(surveys, rows, 3.0)
+    assert table.groupby("survey")["label"].unique().map(list).to_dict() == {
+        "usual": [label["label"]], "ephemeris": ["ephemeris"],
+    }  # fmt: skip
+    names = [each.get_text() for each in catalog_figure(table).axes[0].get_yticklabels()]
+    assert names == [f"{label['label']} (0.125 d)", "ephemeris (0.125 d)"]
 
 
 def test_the_difference_to_the_first_survey_is_paired_by_realization(found):
@@ -273,3 +286,8 @@ def test_impossible_surveys_are_refused_before_anything_runs():
         with pytest.raises(ConfigurationError, match=words) as caught:
             check_campaign(merged(config, {"surveys": {"mine": survey}}))
         assert "\n" not in str(caught.value)
+    twice = {"mine": {"architecture": "information-20", "label": "theirs"}}
+    with pytest.raises(ConfigurationError, match=r"'theirs' is also that of 'surveys\.theirs'"):
+        check_campaign(
+            merged(config, {"surveys": {"theirs": {"architecture": "information-20"}} | twice})
+        )

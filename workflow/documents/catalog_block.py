@@ -39,10 +39,10 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
     rows, there = [], {*tables[study]["quantity"]}
     columns = {title: each for title, each in _QUANTITIES.items() if each[0] in there}
-    for (name, day), own in tables[study].groupby(["survey", "day"], sort=False):
+    for (label, day), own in tables[study].groupby(["label", "day"], sort=False):
         found = own.set_index("quantity")
         rows.append([
-            name.replace("-", " "), f"{day:g}", int(own["seeds"].max()),
+            label, f"{day:g}", int(own["seeds"].max()),
             *(stated(found, *column) for column in columns.values()),
         ])  # fmt: skip
     return {"table": markdown_table(["Survey", "Days", "Realizations", *columns], rows)}

@@ -231,10 +231,17 @@ def _check_objectives(config: Mapping[str, Any]) -> None:
 
 
 def _check_surveys(config: Mapping[str, Any]) -> None:
-    """Refuse surveys of unknown scenarios, of more targets than there are, and beyond the
-    horizon."""
+    """Refuse surveys with the label of another, of unknown scenarios, of more targets than there
+    are, and beyond the horizon."""
+    labels: dict[str, str] = {}
     for name, survey in config["surveys"].items():
         key = f"configuration key 'surveys.{name}"
+        label = survey["label"] or name.replace("-", " ")
+        if labels.setdefault(label, name) != name:
+            raise ConfigurationError(
+                f"{key}.label' = {label!r} is also that of 'surveys.{labels[label]}'; give each "
+                "survey a label of its own"
+            )
         scenario = survey["scenario"]
         require_scenario(f"surveys.{name}.scenario", scenario, config)
         try:

@@ -210,6 +210,9 @@ SurveyCell = partial(
 class StatedSurvey(SurveyModel):
     """A survey that starts without a catalog."""
 
+    label: Annotated[str, Field(min_length=1, max_length=60)] | None = setting(
+        "name of the survey in tables and figures, different for each; null: its key, with spaces "
+        "for hyphens", default=None)
     scenario: str = setting("scenario whose moving targets are the objects", default="A")
     architecture: Architecture = setting("architecture whose observers search")
     targets: Count = setting("number of objects", "1", default=202)

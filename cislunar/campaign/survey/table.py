@@ -39,7 +39,7 @@ _SIGNED = ("right_difference", "search_cost")
 
 _PLACE = (
     "survey", "scenario", "architecture", "targets", "outside_families", "dynamics", "prior",
-    "strategy", "follow_up", "clutter",
+    "strategy", "follow_up", "clutter", "label",
 )  # fmt: skip
 
 CATALOG_COLUMNS = (
@@ -54,7 +54,7 @@ CATALOG_COLUMNS = (
     "seeds",
 )
 """Columns of the table. `clutter`: mean number of false alarms per exposure of the field of view;
-`follow_up`: worth of a nat of information on known orbits."""
+`follow_up`: worth of a nat of information on known orbits; `label`: name in tables and figures."""
 
 
 def catalog_rows(
@@ -83,7 +83,7 @@ def catalog_rows(
         place = _described(name, survey, field_of_view_deg)
         found = pd.concat(realizations[name], ignore_index=True)
         for other, stopped in surveys.items():
-            if stopped != survey and _searching(stopped) == survey:
+            if _stops(stopped, survey):
                 alone = pd.concat(realizations[other], ignore_index=True)["error_known_km"]
                 found["search_cost"] = found["error_known_km"] / alone - 1.0
         if name != first and _objects(survey) == _objects(surveys[first]):
@@ -113,6 +113,11 @@ def catalog_rows(
     return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
 
 
+def survey_label(name: str, survey: StatedSurvey) -> str:
+    """Name of a survey in tables and figures."""
+    return survey.label or name.replace("-", " ")
+
+
 def _interval(quantity: str, values: NDArray[np.float64], rows: pd.DataFrame) -> Interval:
     """Mean and interval of a quantity, limited to possible values; of counts and shares no narrower
     than exact, so that none in a few realizations does not seem to be never."""
@@ -127,10 +132,12 @@ def _interval(quantity: str, values: NDArray[np.float64], rows: pd.DataFrame) ->
     return found._replace(low=max(found.low, 0.0), high=min(found.high, max(most, found.mean)))
 
 
-def _searching(survey: StatedSurvey) -> StatedSurvey:
-    """The survey that searches to its end, and is otherwise the same."""
+def _stops(survey: StatedSurvey, other: StatedSurvey) -> bool:
+    """Whether a survey stops searching, and is otherwise the same as another."""
+    if survey.search == other.search:
+        return False
     search = survey.search.model_copy(update={"search_days": None})
-    return survey.model_copy(update={"search": search})
+    return survey.model_copy(update={"search": search, "label": other.label}) == other
 
 
 def _objects(survey: StatedSurvey) -> dict[str, Any]:
@@ -158,4 +165,5 @@ def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dic
         "strategy": survey.search.strategy,
         "follow_up": survey.search.information_worth,
         "clutter": round(float(survey.process.false_alarms_deg2 * side**2), 2),
+        "label": survey_label(name, survey),
     }
