@@ -96,7 +96,8 @@ def squared_distances(vector: Array, covariance: Array) -> Array:
     """Squared Mahalanobis distances.
 
     An eigenvalue that is lost to rounding, as of orbits with an undetermined range, counts as the
-    least that is not, so that the distance is not too large by it.
+    least that is not, so that the distance is not too large by it. A covariance with an entry that
+    is not finite or a variance that is not positive has no distance.
 
     Parameters
     ----------
@@ -106,9 +107,14 @@ def squared_distances(vector: Array, covariance: Array) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+        NaN without a distance.
     """
-    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    valid = np.all(variance > 0.0, axis=1) & np.all(np.isfinite(covariance), axis=(1, 2))
+    usable = np.where(valid[:, None, None], covariance, np.eye(covariance.shape[1]))
+    scale = np.sqrt(np.diagonal(usable, axis1=1, axis2=2))
+    correlation = usable / (scale[:, :, None] * scale[:, None, :])
     share, axes = np.linalg.eigh(correlation)
     share = np.maximum(share, _ROUNDING * share[:, -1:])
-    return np.sum(np.einsum("nij,ni->nj", axes, vector / scale) ** 2 / share, axis=1)
+    squared = np.sum(np.einsum("nij,ni->nj", axes, vector / scale) ** 2 / share, axis=1)
+    return np.where(valid, squared, np.nan)
