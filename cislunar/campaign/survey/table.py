@@ -113,7 +113,7 @@ def catalog_rows(
     return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
 
 
-def survey_label(name: str, survey: StatedSurvey) -> str:
+def _label(name: str, survey: StatedSurvey) -> str:
     """Name of a survey in tables and figures."""
     return survey.label or name.replace("-", " ")
 
@@ -165,5 +165,5 @@ def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dic
         "strategy": survey.search.strategy,
         "follow_up": survey.search.information_worth,
         "clutter": round(float(survey.process.false_alarms_deg2 * side**2), 2),
-        "label": survey_label(name, survey),
+        "label": _label(name, survey),
     }
