@@ -9,10 +9,9 @@ from cislunar.figures import panels, style
 from cislunar.figures.axes import Grid
 from cislunar.figures.panels import PERCENT, Row
 
-_RIGHT, _GAP, _HEAD, _FOOT = 0.12, 0.14, 0.32, 1.0
-_LETTER = 0.058
+_RIGHT, _GAP, _HEAD, _FOOT = 0.12, 0.14, 0.32, 1.15
+_LETTER = 0.054
 """Width of a letter of the names of surveys, inches."""
-_LEGEND = 0.28
 _WIDTH_IN, _LINE_IN = 1.32, 0.19
 
 _SERIES = (
@@ -32,7 +31,7 @@ def _groups(quantity: str) -> tuple[str, str]:
 ROWS = (
     Row("right orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
     Row(
-        "right orbits, % of objects\nwith three tracklets",
+        "right orbits, % of\nobjects with at least\nthree tracklets",
         _groups("completeness"),
         100.0,
         within=PERCENT,
@@ -95,6 +94,6 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
         )
         layout.panel_title(axes, number, "")
     handles = [each.legend_handle(line=False) for each in (*_SERIES, _ALL)]
-    layout.legend_below(figure, handles, _LEGEND)
-    layout.note_below(figure, panels.table_note(table))
+    note = f"In parentheses: time since the start of the survey.\n{panels.table_note(table)}"
+    layout.legend_below(figure, handles, layout.note_below(figure, note))
     return figure

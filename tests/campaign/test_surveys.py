@@ -241,7 +241,9 @@ def test_the_difference_to_the_first_survey_is_paired_by_realization(found):
 
 def test_the_cost_of_the_search_is_that_over_the_survey_that_ends_it(found):
     surveys, rows = found
-    stopped = surveys["usual"].model_copy(update={"search": SearchSettings(search_days=0.1)})
+    stopped = surveys["usual"].model_copy(
+        update={"search": SearchSettings(search_days=0.1), "label": "search ends"}
+    )
     errors = {"usual": (3.0, 4.4), "stopped": (2.0, 4.0), "ephemeris": (5.0,)}
     rows = {
         name: [
@@ -287,7 +289,8 @@ def test_impossible_surveys_are_refused_before_anything_runs():
             check_campaign(merged(config, {"surveys": {"mine": survey}}))
         assert "\n" not in str(caught.value)
     twice = {"mine": {"architecture": "information-20", "label": "theirs"}}
-    with pytest.raises(ConfigurationError, match=r"'theirs' is also that of 'surveys\.theirs'"):
-        check_campaign(
-            merged(config, {"surveys": {"theirs": {"architecture": "information-20"}} | twice})
-        )
+    theirs = {"theirs": {"architecture": "information-20"}}
+    words = r"'surveys\.mine\.label' = 'theirs' is also that of 'surveys\.theirs'"
+    with pytest.raises(ConfigurationError, match=words) as caught:
+        check_campaign(merged(config, {"surveys": theirs | twice}))
+    assert "\n" not in str(caught.value)

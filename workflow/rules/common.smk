@@ -389,6 +389,11 @@ def survey_of(wildcards):
     return SURVEYS[wildcards.survey]
 
 
+def survey_settings(wildcards):
+    """The survey of a job without its label, which does not change the realizations."""
+    return {key: value for key, value in survey_of(wildcards).items() if key != "label"}
+
+
 def survey_cell(wildcards):
     """Settings of the cells of a survey's scenario, with the changes of the survey."""
     chosen = settings_in(survey_of(wildcards)["scenario"], "task2")["task2"]

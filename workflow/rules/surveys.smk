@@ -34,7 +34,7 @@ rule survey:
     resources:
         mem_mb=2500,
     params:
-        survey=survey_of,
+        survey=survey_settings,
         settings=survey_cell,
         propagator=config["propagator"],
         seed=config["seed"],

@@ -31,6 +31,7 @@ from cislunar.campaign.settings.tree import (
     StatedSurvey,
     Surroundings,
     Visibility,
+    survey_label,
 )
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import ObserverErrors
@@ -236,7 +237,7 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
     labels: dict[str, str] = {}
     for name, survey in config["surveys"].items():
         key = f"configuration key 'surveys.{name}"
-        label = survey["label"] or name.replace("-", " ")
+        label = survey_label(name, survey["label"])
         if labels.setdefault(label, name) != name:
             raise ConfigurationError(
                 f"{key}.label' = {label!r} is also that of 'surveys.{labels[label]}'; give each "

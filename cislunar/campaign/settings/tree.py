@@ -249,6 +249,11 @@ class StatedSurvey(SurveyModel):
         "scenario's cells", default=False)
 
 
+def survey_label(name: str, label: str | None) -> str:
+    """Name of a survey in tables and figures, from its key and its setting `label`."""
+    return label or name.replace("-", " ")
+
+
 class Variants(Section):
     scenario: str | None = setting(
         "scenario of the variants, unless a family states another; null: none", default=None)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.settings.tree import StatedSurvey, survey_label
 from cislunar.evaluation.intervals import Interval, count_interval, share_interval, t_interval
 from cislunar.survey import SOURCES
 
@@ -113,11 +113,6 @@ def catalog_rows(
     return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
 
 
-def _label(name: str, survey: StatedSurvey) -> str:
-    """Name of a survey in tables and figures."""
-    return survey.label or name.replace("-", " ")
-
-
 def _interval(quantity: str, values: NDArray[np.float64], rows: pd.DataFrame) -> Interval:
     """Mean and interval of a quantity, limited to possible values; of counts and shares no narrower
     than exact, so that none in a few realizations does not seem to be never."""
@@ -165,5 +160,5 @@ def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dic
         "strategy": survey.search.strategy,
         "follow_up": survey.search.information_worth,
         "clutter": round(float(survey.process.false_alarms_deg2 * side**2), 2),
-        "label": _label(name, survey),
+        "label": survey_label(name, survey.label),
     }
