@@ -20,6 +20,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "schema": ["SCHEMA_FILE", "schema_text", "stated_keys"],
     "tracking_checks": ["require_consistent"],
     "tree": ["Campaign", "Date", "EphemerisSettings", "Orbits", "StatedSurvey", "Targets",
-        "Visibility"],
+        "Visibility", "survey_label"],
 })
 # fmt: on
