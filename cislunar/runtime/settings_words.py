@@ -105,22 +105,30 @@ def _join(place: str, *keys: Any) -> str:
 
 def unreadable(value: Any, place: str = "") -> Iterator[str]:
     """A line for each number that is not finite, and each text that can be no part of a name."""
-    if isinstance(value, float) and not math.isfinite(value):
-        yield f"configuration key {place!r} = {value}: must be a finite number"
-    elif isinstance(value, str) and not (value.isprintable() and len(value) <= _LONGEST_TEXT):
-        yield (
-            f"configuration key {place!r} = {shown(value)}: must be a line of at most "
-            f"{_LONGEST_TEXT} printable characters"
-        )
+    return _unreadable(value, (place,))
+
+
+def _unreadable(value: Any, path: tuple[Any, ...]) -> Iterator[str]:
+    """The same for a value of which the keys are known; a fault alone needs them as one text."""
+    if isinstance(value, str):
+        if not (value.isprintable() and len(value) <= _LONGEST_TEXT):
+            yield (
+                f"configuration key {_join(*path)!r} = {shown(value)}: must be a line of at most "
+                f"{_LONGEST_TEXT} printable characters"
+            )
+    elif isinstance(value, float):
+        if not math.isfinite(value):
+            yield f"configuration key {_join(*path)!r} = {value}: must be a finite number"
     elif isinstance(value, Mapping):
         for key, part in value.items():
             if isinstance(key, str) and key.isprintable():
-                yield from unreadable(part, _join(place, key))
+                yield from _unreadable(part, (*path, key))
             else:
-                yield f"unknown configuration key {shown(key)} in {place or 'the configuration'!r}"
+                place = _join(*path) or "the configuration"
+                yield f"unknown configuration key {shown(key)} in {place!r}"
     elif isinstance(value, list):
         for number, part in enumerate(value):
-            yield from unreadable(part, _join(place, number))
+            yield from _unreadable(part, (*path, number))
 
 
 def faults(

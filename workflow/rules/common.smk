@@ -4,6 +4,7 @@ import os
 import re
 import shlex
 import sys
+from functools import cache
 from pathlib import Path
 
 from cislunar.architecture.published import PUBLISHED
@@ -253,15 +254,20 @@ def cell_of(wildcards):
     )
 
 
-def tracking_settings(wildcards):
-    """Settings of a cell, refused before anything runs if the cell is impossible."""
-    cell = cell_of(wildcards)
+@cache
+def settings_of_cell(cell):
+    """Settings of a cell, which several jobs need and each asks for several times."""
     try:
         chosen = cell_settings(settings_in(cell.scenario, "task2")["task2"], cell.variant)
         check_cell(cell, typed(chosen, CellSettings), TRACKED_COUNT[cell.scenario])
     except CislunarError as error:
         raise SystemExit(f"error: {error}") from None
     return chosen
+
+
+def tracking_settings(wildcards):
+    """Settings of a cell, refused before anything runs if the cell is impossible."""
+    return settings_of_cell(cell_of(wildcards))
 
 
 def kept_realizations(wildcards):
@@ -272,9 +278,15 @@ def kept_realizations(wildcards):
     return [results(f"{cell_of(wildcards).path}.checkpoint/{k}.kept") for k in range(count)]
 
 
+@cache
+def mesh_of_cell(cell):
+    """Mesh files of the targets of a cell, which are read from its tables."""
+    return cell_files(settings_of_cell(cell))
+
+
 def tracking_mesh(wildcards):
     """Mesh files of the targets, if they have any."""
-    return cell_files(tracking_settings(wildcards))
+    return mesh_of_cell(cell_of(wildcards))
 
 
 def tracking_bodies(wildcards):
