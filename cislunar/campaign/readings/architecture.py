@@ -44,6 +44,19 @@ def _random_best(
     return max(objective.value(o, n) for o, n in zip(orbit, satellites, strict=True))
 
 
+def _sampled_points(
+    setting: Mapping[str, Any], sampled: list[tuple[Mapping[str, Any], xr.Dataset]]
+) -> xr.Dataset:
+    """The points of the static targets, among those `sampled` before with the same settings."""
+    chosen = setting["targets"]
+    for before, points in sampled:
+        if before == chosen:
+            return points
+    points = zvs_points_dataset(chosen["missions"], setting)
+    sampled.append((chosen, points))
+    return points
+
+
 def readings_table(
     config: Mapping[str, Any],
     scenario: str,
@@ -58,12 +71,13 @@ def readings_table(
     and best of the coordinate search with its satellites.
     """
     rows = []
+    sampled: list[tuple[Mapping[str, Any], xr.Dataset]] = []
     for done, (name, changes) in enumerate(_READINGS.items()):
         setting = dict(config)
         for key, value in changes.items():
             setting = merged(setting, nested(key, value))
         library = families_dataset(setting) if "orbits.extent" in changes else orbits
-        points = zvs_points_dataset(setting["targets"]["missions"], setting)
+        points = _sampled_points(setting, sampled)
         targets = static_targets_dataset(
             points,
             scenario,
