@@ -23,8 +23,23 @@ USING_ESTIMATORS = re.compile(
 )
 """Names in modules whose tests run an estimator, whose kernels take minutes to compile."""
 
-LONG = "test_faults.py", "test_site.py", "test_tracking_campaign.py", "test_unknown_bodies.py"
-"""Modules of few tests that take a minute or more."""
+LONG = (
+    "test_faults.py",
+    "test_site.py",
+    "test_hostile_input.py",
+    "test_ephemeris_cells.py",
+    "test_cell_exports.py",
+    "test_tracking_cells.py",
+    "test_splitting.py",
+    "test_tracks.py",
+    "test_light_curve.py",
+    "test_replay_page.py",
+    "test_parameter_states.py",
+    "test_tracking_campaign.py",
+    "test_unknown_bodies.py",
+)
+"""Modules that take longest of those that run estimators, by their measured times: if one of them
+were the last, one worker would have nothing to do meanwhile."""
 
 
 def pytest_configure(config):
@@ -108,14 +123,16 @@ def pytest_collection_modifyitems(items):
     """Sort the groups of tests.
 
     The campaign whose results many tests read is run once, first. Tests without an estimator come
-    next. The remaining groups follow, long modules first.
+    next. The remaining groups follow, the longest modules first and then those of most tests.
     """
     groups = {item: group_of(item.nodeid) for item in items}
     sizes = Counter(groups.values())
     late = {groups[item] for item in items if may_run_estimators(item)}
     stage = {group: 3 if group in late else 1 for group in sizes}
-    stage |= {FINISHED: 0, **dict.fromkeys(LONG, 2)}
-    items.sort(key=lambda item: (stage[groups[item]], -sizes[groups[item]], groups[item]))
+    stage[FINISHED] = 0
+    order = {group: (stage[group], -size, group) for group, size in sizes.items()}
+    order |= {group: (2, place, group) for place, group in enumerate(LONG)}
+    items.sort(key=lambda item: order[groups[item]])
 
 
 @pytest.fixture(scope="session")
