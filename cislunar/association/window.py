@@ -162,20 +162,30 @@ def updated(
 
 def clusters(track: Indices, detection: Indices) -> list[tuple[list[int], list[int]]]:
     """Rows of pairs that share tracks or detections, by the first row; and their tracks."""
-    home, owner = list(range(track.size)), {}
-
-    def root(row: int) -> int:
-        while home[row] != row:
-            home[row] = row = home[home[row]]
-        return row
-
-    for row, keys in enumerate(zip(track.tolist(), detection.tolist(), strict=True)):
-        for key in enumerate(keys):
-            first, second = sorted((root(row), root(owner.setdefault(key, row))))
-            home[second] = first
     members: dict[int, list[int]] = {}
+    for row, first in enumerate(_first_rows(track, detection).tolist()):
+        members.setdefault(first, []).append(row)
+    of = track.tolist()
+    return [(rows, sorted({of[row] for row in rows})) for rows in members.values()]
+
+
+@njit(cache=True, error_model="numpy")
+def _first_rows(track, detection):
+    """First row of the cluster of each row."""
+    home = np.arange(track.size)
+    for keys in (track, detection):
+        order = np.argsort(keys)
+        for k in range(1, order.size):
+            if keys[order[k]] == keys[order[k - 1]]:
+                here, there = _root(home, order[k]), _root(home, order[k - 1])
+                home[max(here, there)] = min(here, there)
     for row in range(track.size):
-        members.setdefault(root(row), []).append(row)
-    return [
-        (rows, sorted({int(track[row]) for row in rows})) for _, rows in sorted(members.items())
-    ]
+        home[row] = _root(home, row)
+    return home
+
+
+@njit(cache=True, error_model="numpy")
+def _root(home, row):
+    while home[row] != row:
+        home[row] = row = home[home[row]]
+    return row

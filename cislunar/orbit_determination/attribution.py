@@ -34,7 +34,8 @@ _FARTHEST = 0.1
 
 _SHORT_ARC, _AT_ONCE = 3, 4
 """Tracklets below which an orbit takes the most probable tracklet alone, and the number of
-tracklets that other orbits take before they are fitted again."""
+tracklets that other orbits first take before they are fitted again. It doubles as long as fits
+agree, and begins again with one tracklet if a fit does not."""
 
 
 class OrbitHypotheses(NamedTuple):
@@ -224,6 +225,8 @@ def extend_orbits(
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
+    at_once, own = [_AT_ONCE] * n, np.flatnonzero(usable)
+    candidates = tracklets.take(own)
     parts = [fits.take([k]) for k in range(n)]
     active = list(range(n))
     while active:
@@ -231,20 +234,20 @@ def extend_orbits(
         ends = np.array([[members[k][0], members[k][-1]] for k in active])
         span = np.array([spans_h[stage[k]] for k in active]) * 3600.0 / TIME_UNIT_S
         which, found, density = tracklet_matches(
-            now, tracklets, tracklets.time[ends[:, 0]] - span, tracklets.time[ends[:, 1]] + span,
+            now, candidates, tracklets.time[ends[:, 0]] - span, tracklets.time[ends[:, 1]] + span,
             gate_probability, forces=forces,
         )  # fmt: skip
         order = np.lexsort((found, -density, which))
-        which, found = which[order], found[order]
+        which, found = which[order], own[found[order]]
         begins = np.searchsorted(which, np.arange(len(active) + 1))
         trials, rows, later = [], [], []
         for position, k in enumerate(active):
             used = set(np.concatenate([tracklets.detections[t] for t in members[k]]).tolist())
             added: list[int] = []
-            most = 1 if len(members[k]) < _SHORT_ARC else _AT_ONCE
+            most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
             for t in found[begins[position] : begins[position + 1]].tolist():
                 rows_of = tracklets.detections[t].tolist()
-                if t in rejected[k] or t in members[k] or not usable[t] or used & set(rows_of):
+                if t in rejected[k] or t in members[k] or used & set(rows_of):
                     continue
                 added.append(t)
                 used.update(rows_of)
@@ -265,6 +268,9 @@ def extend_orbits(
                 if good[number]:
                     parts[k] = joint.take([number])
                     members[k] = sorted(members[k] + added, key=lambda t: tracklets.time[t])
+                    at_once[k] = max(at_once[k], 2 * len(added))
+                elif len(added) > 1:
+                    at_once[k] = 1
                 else:
                     rejected[k].add(added[0])
                 later.append(k)

@@ -91,8 +91,8 @@ class LinkHypotheses:
             return []
         number = np.repeat(np.arange(len(sets)), [each.size for each in sets])
         found: list[int] = []
-        for rows, _ in clusters(number, np.concatenate(sets)):
-            own = np.unique(number[rows])
+        for _, together in clusters(number, np.concatenate(sets)):
+            own = np.array(together)
             score = [self.scores[k] for k in own]
             key = tuple(own.tolist()), tuple(score)
             if key not in self._best:

@@ -61,6 +61,9 @@ _CHUNK, _EXTENDED = 500, 100
 _ABANDON_ABOVE, _ITERATIONS = 1e4, 15
 """Chi squared above which the fit of a pair is abandoned, and most evaluations of a fit."""
 
+_COMPARED = 24
+"""Most tracklets of an orbit that are compared with the predictions of others."""
+
 _SPLIT_STARTS = 8
 """Most hypotheses of one observer from which fits to all its tracklets of an orbit begin."""
 
@@ -195,7 +198,10 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> N
         fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist())
     )
     found.add(before)
-    _extend(found, before, everything, free, least=2)
+    # other orbits keep what they had before the window
+    within = tracklets.time >= tracklets.time[-1] - found.data[4].window_h * 3600.0 / TIME_UNIT_S
+    usable = everything & (within | found.disjoint(list(before.tracklets)))
+    _extend(found, before, usable, free, least=2)
 
 
 def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
@@ -261,20 +267,27 @@ def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, in
     _, tracklets, forces, _, settings = found.data
     if len(chosen) < 2:
         return set()
-    owner = {t: k for k in chosen for t in found.members[k]}
+    owner = {t: k for k in chosen for t in _spread(found.members[k])}
+    these = np.array(sorted(owner))
     fits = concatenate_fits([found.fits[k] for k in chosen], found.empty)
     span = settings.spans_h[-1] * 3600.0 / TIME_UNIT_S
     ends = tracklets.time[np.array([[found.members[k][0], found.members[k][-1]] for k in chosen])]
     which, hit, *_ = tracklet_matches(
-        fits, tracklets, ends[:, 0] - span, ends[:, 1] + span, settings.gate_probability,
-        forces=forces,
+        fits, tracklets.take(these), ends[:, 0] - span, ends[:, 1] + span,
+        settings.gate_probability, forces=forces,
     )  # fmt: skip
     agreeing = same_states(fits, settings.gate_probability, forces=forces).tolist()
     return {(chosen[a], chosen[b]) for a, b in agreeing} | {
         tuple(sorted((chosen[a], owner[t])))
-        for a, t in zip(which.tolist(), hit.tolist(), strict=True)
-        if owner.get(t, chosen[a]) != chosen[a]
+        for a, t in zip(which.tolist(), these[hit].tolist(), strict=True)
+        if owner[t] != chosen[a]
     }
+
+
+def _spread(members: tuple[int, ...]) -> list[int]:
+    """At most `_COMPARED` tracklets of an orbit, from the first to the last."""
+    count = min(len(members), _COMPARED)
+    return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
 
 
 def _add_joint_fits(found: LinkHypotheses, pairs: list[tuple[int, int]]) -> None:

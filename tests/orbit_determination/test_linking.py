@@ -1,6 +1,6 @@
 """Linking against brute force, importance sampling, and simulated objects among false alarms."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from cislunar.orbit_determination import (
     LinkingSettings,
     TrackletSettings,
     attributables,
+    attribution,
     fit_orbits,
     form_tracklets,
     link,
@@ -107,11 +108,12 @@ def test_false_alarms_alone_give_no_confirmed_orbit():
     assert not found.confirmed.any() and found.log_ratio.size <= 2
 
 
-def test_known_orbits_are_continued():
+@pytest.mark.parametrize("window_h", [36.0, 1.0])
+def test_known_orbits_are_continued(window_h):
     angles, origin = night(OBJECTS, [0.0, 2.0, 5.0, 9.0], 0.5, 3)
     early = np.count_nonzero(angles.time < 4.0 * HOUR)
     first = linked(angles.rows(np.arange(early)))
-    later = linked(angles, known=first)
+    later = linked(angles, known=first, settings=LinkingSettings(window_h=window_h))
     at_once = linked(angles)
     for found in (later, at_once):
         assert sorted(origins(found, origin)[:4]) == [[0], [1], [2], [3]]
@@ -120,6 +122,43 @@ def test_known_orbits_are_continued():
     sigma = np.sqrt(np.diagonal(at_once.fits.covariance[order[1]], axis1=1, axis2=2))
     apart = later.fits.state[order[0]] - at_once.fits.state[order[1]]
     assert np.abs(apart / sigma).max() < 1e-2
+
+
+@pytest.mark.parametrize("intruder", [None, 20])
+def test_an_orbit_takes_ever_more_tracklets_at_once_and_none_is_lost_with_a_wrong_one(
+    intruder, monkeypatch
+):
+    angles, _ = night(OBJECTS[:1], np.arange(0.0, 14.0), 0.0, 21)
+    tracklets = attributables(angles, form_tracklets(angles))
+    right = set(range(tracklets.time.size)) - {intruder}
+    assert tracklets.time.size == 42 and tracklets.time[20] > 6.0 * HOUR
+    wrong = set() if intruder is None else set(tracklets.detections[intruder].tolist())
+    judge, sizes = attribution.agrees, []
+
+    def agrees(fits, significance):
+        rows = [set(fits.row[a:b].tolist()) for a, b in pairwise(fits.begin.tolist())]
+        sizes.extend(len(each) for each in rows)
+        return judge(fits, significance) & [not each & wrong for each in rows]
+
+    monkeypatch.setattr(attribution, "agrees", agrees)
+    rows = np.unique(np.concatenate(tracklets.detections[:3]))
+    start = fit_orbits(angles, [rows], OBJECTS[:1], 0.0)
+    found = attribution.extend_orbits(
+        angles, tracklets, OrbitHypotheses(start, ((0, 1, 2),)),
+        np.ones(tracklets.time.size, dtype=bool), forces=EARTH_MOON, spans_h=(3.0, 24.0),
+        gate_probability=0.9999, significance=1e-6,
+    )  # fmt: skip
+    assert set(found.tracklets[0]) == right
+    # four, eight, sixteen, and the rest
+    assert intruder is not None or len(sizes) <= 8
+    assert max(np.diff([rows.size, *sizes])) > 2 * 4
+
+
+def test_long_orbits_are_compared_by_some_tracklets_from_the_first_to_the_last():
+    assert linking._spread((4, 7, 9)) == [4, 7, 9]
+    few = linking._spread(tuple(range(0, 2000, 2)))
+    assert len(set(few)) == 24 and few == sorted(few) and (few[0], few[-1]) == (0, 1998)
+    assert max(np.diff(few)) < 2 * 1998 / 23
 
 
 def test_three_detections_suppress_false_tracklets():
