@@ -163,7 +163,8 @@ def updated(
 def clusters(track: Indices, detection: Indices) -> list[tuple[list[int], list[int]]]:
     """Rows of pairs that share tracks or detections, by the first row; and their tracks."""
     members: dict[int, list[int]] = {}
-    for row, first in enumerate(_first_rows(track, detection).tolist()):
+    keys = (np.ascontiguousarray(each, dtype=np.int64) for each in (track, detection))
+    for row, first in enumerate(_first_rows(*keys).tolist()):
         members.setdefault(first, []).append(row)
     of = track.tolist()
     return [(rows, sorted({of[row] for row in rows})) for rows in members.values()]

@@ -32,10 +32,11 @@ _TOLERANCE = 1e-9
 _FARTHEST = 0.1
 """Distance in the tangent plane from which on a tracklet is not of an orbit, however uncertain."""
 
-_SHORT_ARC, _AT_ONCE = 3, 4
-"""Tracklets below which an orbit takes the most probable tracklet alone, and the number of
-tracklets that other orbits first take before they are fitted again. It doubles as long as fits
-agree, and begins again with one tracklet if a fit does not."""
+_SHORT_ARC, _AT_ONCE, _MOST_AT_ONCE = 3, 4, 32
+"""Tracklets below which an orbit takes the most probable tracklet alone, and the smallest and
+largest number of tracklets that other orbits take before they are fitted again. The number grows
+to twice that of the last fit that agreed. If a fit with more than the smallest number does not
+agree, the orbit takes the smallest number again; otherwise it rejects the most probable one."""
 
 
 class OrbitHypotheses(NamedTuple):
@@ -247,7 +248,7 @@ def extend_orbits(
             most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
             for t in found[begins[position] : begins[position + 1]].tolist():
                 rows_of = tracklets.detections[t].tolist()
-                if t in rejected[k] or t in members[k] or used & set(rows_of):
+                if t in rejected[k] or used & set(rows_of):
                     continue
                 added.append(t)
                 used.update(rows_of)
@@ -257,7 +258,7 @@ def extend_orbits(
                 trials.append((k, added))
                 rows.append(np.sort(np.array(sorted(used))))
             elif stage[k] + 1 < len(spans_h):
-                stage[k] += 1
+                stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
                 later.append(k)
         if trials:
             starts = np.array([parts[k].state[0] for k, _ in trials])
@@ -267,10 +268,10 @@ def extend_orbits(
             for number, (k, added) in enumerate(trials):
                 if good[number]:
                     parts[k] = joint.take([number])
-                    members[k] = sorted(members[k] + added, key=lambda t: tracklets.time[t])
-                    at_once[k] = max(at_once[k], 2 * len(added))
-                elif len(added) > 1:
-                    at_once[k] = 1
+                    members[k] = sorted(members[k] + added)  # tracklets are in order of time
+                    at_once[k] = min(max(at_once[k], 2 * len(added)), _MOST_AT_ONCE)
+                elif len(added) > _AT_ONCE:
+                    at_once[k] = _AT_ONCE
                 else:
                     rejected[k].add(added[0])
                 later.append(k)

@@ -61,8 +61,9 @@ _CHUNK, _EXTENDED = 500, 100
 _ABANDON_ABOVE, _ITERATIONS = 1e4, 15
 """Chi squared above which the fit of a pair is abandoned, and most evaluations of a fit."""
 
-_COMPARED = 24
-"""Most tracklets of an orbit that are compared with the predictions of others."""
+_COMPARED = 8
+"""Tracklets of an orbit at each end, and spread over it, that are compared with the predictions of
+others."""
 
 _SPLIT_STARTS = 8
 """Most hypotheses of one observer from which fits to all its tracklets of an orbit begin."""
@@ -134,7 +135,8 @@ def link(
         See `log_scores`.
     known : LinkedOrbits, optional
         Result for the first rows of the same angles, which is continued: its orbits take further
-        tracklets first, and then the remaining tracklets of the window are linked.
+        tracklets first, and then the remaining tracklets of the window are linked. Tracklets of an
+        orbit that stays confirmed are not attributed to another one if they are before the window.
     progress : callable, optional
         Called with (tracklets processed, all tracklets) for each longest gap.
 
@@ -155,11 +157,12 @@ def link(
         require_span(forces, angles.time[0], angles.time[-1])
     found = LinkHypotheses(angles, tracklets, forces, region, settings, log_clutter, log_misses)
     n = tracklets.time.size
-    everything, free = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
-    if known is not None and known.log_ratio.size:
-        _continue(found, known, everything, free)
+    free = np.ones(n, dtype=bool)
     if n:
-        free &= tracklets.time >= tracklets.time[-1] - settings.window_h * 3600.0 / TIME_UNIT_S
+        recent = tracklets.time >= tracklets.time[-1] - settings.window_h * 3600.0 / TIME_UNIT_S
+        if known is not None and known.log_ratio.size:
+            _continue(found, known, recent, free)
+        free &= recent
     shortest = 0.0
     for gap in settings.gaps_h:
         _link_pairs(found, free, shortest, gap, progress)
@@ -170,8 +173,9 @@ def link(
     return _described(found, _without_duplicates(found, found.selected()), solutions)
 
 
-def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> None:
-    """Attribute tracklets to known orbits, and mark these tracklets as no longer free."""
+def _continue(found: LinkHypotheses, known: LinkedOrbits, recent, free) -> None:
+    """Attribute tracklets to known orbits, and mark these tracklets as no longer free. Orbits that
+    stay confirmed keep theirs that are not `recent`."""
     angles, tracklets, forces, *_ = found.data
     # each detection belongs to one orbit
     owner = np.full(angles.time.size, -1)
@@ -198,10 +202,12 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> N
         fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist())
     )
     found.add(before)
-    # other orbits keep what they had before the window
-    within = tracklets.time >= tracklets.time[-1] - found.data[4].window_h * 3600.0 / TIME_UNIT_S
-    usable = everything & (within | found.disjoint(list(before.tracklets)))
-    _extend(found, before, usable, free, least=2)
+    steady = [
+        each
+        for k, each in zip(good.tolist(), before.tracklets, strict=True)
+        if known.confirmed[which[k]] and each in found.index
+    ]
+    _extend(found, before, recent | found.disjoint(steady), free, least=2)
 
 
 def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
@@ -262,8 +268,8 @@ def _merge(found: LinkHypotheses) -> None:
 
 
 def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, int]]:
-    """Chosen orbits of which one predicts tracklets of the other, or whose states agree, as they
-    may although the attributables of long tracklets are biased by curvature."""
+    """Chosen orbits of which one predicts some tracklets of the other, or whose states agree, as
+    they may although the attributables of long tracklets are biased by curvature."""
     _, tracklets, forces, _, settings = found.data
     if len(chosen) < 2:
         return set()
@@ -285,9 +291,10 @@ def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, in
 
 
 def _spread(members: tuple[int, ...]) -> list[int]:
-    """At most `_COMPARED` tracklets of an orbit, from the first to the last."""
-    count = min(len(members), _COMPARED)
-    return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
+    """At most `3 * _COMPARED` tracklets of an orbit: the first, the last, and some in between."""
+    ends, last = np.arange(_COMPARED), len(members) - 1
+    between = np.linspace(0, last, _COMPARED).round().astype(int)
+    return [members[i] for i in np.unique(np.clip([ends, between, last - ends], 0, last))]
 
 
 def _add_joint_fits(found: LinkHypotheses, pairs: list[tuple[int, int]]) -> None:
