@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 _SAME = 1e-2
 """Largest difference of positions, relative to the range, of two hypotheses of one orbit."""
 
+_COMPARED = 8
+"""Tracklets at each end of a hypothesis, and spread over it, that are compared with others."""
+
 
 def same_orbit(one: OrbitFits, other: OrbitFits) -> bool:
     """Whether two fits have the same positions at the detections that they share."""
@@ -110,6 +113,14 @@ class LinkHypotheses:
             for t in members:
                 used[self.data[1].detections[t]] = True
         return ~np.logical_or.reduceat(used[self._rows], self._begin)
+
+    def compared(self, k: int) -> list[int]:
+        """Tracklets of a hypothesis that are compared with the predictions of others: the first,
+        the last, and some in between."""
+        members = self.members[k]
+        ends, last = np.arange(_COMPARED), len(members) - 1
+        between = np.linspace(0, last, _COMPARED).round().astype(int)
+        return [members[i] for i in np.unique(np.clip([ends, between, last - ends], 0, last))]
 
     def joint_members(self, a: int, b: int) -> tuple[int, ...]:
         """Tracklets of two hypotheses, as a key of `index`."""

@@ -61,10 +61,6 @@ _CHUNK, _EXTENDED = 500, 100
 _ABANDON_ABOVE, _ITERATIONS = 1e4, 15
 """Chi squared above which the fit of a pair is abandoned, and most evaluations of a fit."""
 
-_COMPARED = 8
-"""Tracklets of an orbit at each end, and spread over it, that are compared with the predictions of
-others."""
-
 _SPLIT_STARTS = 8
 """Most hypotheses of one observer from which fits to all its tracklets of an orbit begin."""
 
@@ -202,11 +198,8 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, recent, free) -> None:
         fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist())
     )
     found.add(before)
-    steady = [
-        each
-        for k, each in zip(good.tolist(), before.tracklets, strict=True)
-        if known.confirmed[which[k]] and each in found.index
-    ]
+    keep = zip(before.tracklets, known.confirmed[which][good], strict=True)
+    steady = [each for each, confirmed in keep if confirmed and each in found.index]
     _extend(found, before, recent | found.disjoint(steady), free, least=2)
 
 
@@ -273,7 +266,7 @@ def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, in
     _, tracklets, forces, _, settings = found.data
     if len(chosen) < 2:
         return set()
-    owner = {t: k for k in chosen for t in _spread(found.members[k])}
+    owner = {t: k for k in chosen for t in found.compared(k)}
     these = np.array(sorted(owner))
     fits = concatenate_fits([found.fits[k] for k in chosen], found.empty)
     span = settings.spans_h[-1] * 3600.0 / TIME_UNIT_S
@@ -288,13 +281,6 @@ def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, in
         for a, t in zip(which.tolist(), these[hit].tolist(), strict=True)
         if owner[t] != chosen[a]
     }
-
-
-def _spread(members: tuple[int, ...]) -> list[int]:
-    """At most `3 * _COMPARED` tracklets of an orbit: the first, the last, and some in between."""
-    ends, last = np.arange(_COMPARED), len(members) - 1
-    between = np.linspace(0, last, _COMPARED).round().astype(int)
-    return [members[i] for i in np.unique(np.clip([ends, between, last - ends], 0, last))]
 
 
 def _add_joint_fits(found: LinkHypotheses, pairs: list[tuple[int, int]]) -> None:

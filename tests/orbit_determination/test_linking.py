@@ -168,8 +168,11 @@ def test_an_orbit_takes_ever_more_tracklets_at_once(intruder, monkeypatch):
 
 
 def test_long_orbits_are_compared_by_some_tracklets_from_the_first_to_the_last():
-    assert linking._spread((4, 7, 9)) == [4, 7, 9]
-    few = linking._spread(tuple(range(0, 2000, 2)))
+    angles, origin = night(OBJECTS[:2], [0.0, 2.0], 0.0, 8)
+    found = two_hypotheses(angles, (origin == 0, origin == 1), OBJECTS[:2])
+    found.members[:] = [(4, 7, 9), tuple(range(0, 2000, 2))]
+    assert found.compared(0) == [4, 7, 9]
+    few = found.compared(1)
     assert few == sorted(set(few)) and len(few) == 22  # the first and the last are spread as well
     assert few[:8] == list(range(0, 16, 2)) and few[-8:] == list(range(1984, 2000, 2))
     assert max(np.diff(few)) < 2 * 1998 / 7
