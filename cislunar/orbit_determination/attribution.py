@@ -256,7 +256,7 @@ def extend_orbits(
                     break
             if added:
                 trials.append((k, added))
-                rows.append(np.sort(np.array(sorted(used))))
+                rows.append(np.array(sorted(used)))
             elif stage[k] + 1 < len(spans_h):
                 stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
                 later.append(k)

@@ -246,7 +246,7 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
             order = order[still]
             now, order = order[:_EXTENDED], order[_EXTENDED:]
             orbits = OrbitHypotheses(seeds.take(now), tuple(members[k] for k in now.tolist()))
-            _extend(found, orbits, free.copy(), free, settings.exclusive_tracklets)
+            _extend(found, orbits, free, free, settings.exclusive_tracklets)
         begin = int(usable[end - 1]) + 1
         if progress is not None:
             progress(begin, free.size)
