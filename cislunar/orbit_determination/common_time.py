@@ -39,7 +39,8 @@ def orbits_at(
     state : ndarray, shape (orbit, 6)
     covariance : ndarray, shape (orbit, 6, 6)
     kept : ndarray of int, shape (orbit,)
-        Which of the given orbits these are: those that meet a body until then are left out.
+        Which of the given orbits these are: those that meet a body until then, or whose covariance
+        is not finite, are left out.
     """
     states, covariances, kept = [], [], []
     for number, (epoch, state, covariance) in enumerate(starts):
@@ -49,8 +50,11 @@ def orbits_at(
             )
         except CislunarError:
             continue
+        then = stm @ covariance @ stm.T
+        if not np.all(np.isfinite(then)):
+            continue
         states.append(moved)
-        covariances.append(stm @ covariance @ stm.T)
+        covariances.append(then)
         kept.append(number)
     return (
         np.array(states).reshape(-1, 6),

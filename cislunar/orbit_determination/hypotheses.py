@@ -106,6 +106,28 @@ class LinkHypotheses:
             found += own[self._best[key]].tolist()
         return sorted(found)
 
+    def tracklets_of(self, orbits: list[NDArray[np.int64]], longest: float) -> list[list[int]]:
+        """For orbits with these detections, the largest tracklets of detections of the orbit alone
+        that share none, in order of time, within a time `longest` before the last of them."""
+        angles, tracklets, *_ = self.data
+        owner = np.full(angles.time.size, -1)
+        for k, rows in enumerate(orbits):
+            owner[rows] = k
+        members: list[list[int]] = [[] for _ in orbits]
+        for t, rows in enumerate(tracklets.detections):
+            if owner[rows[0]] >= 0 and np.all(owner[rows] == owner[rows[0]]):
+                members[owner[rows[0]]].append(t)
+        for k, each in enumerate(members):
+            used: set[int] = set()
+            kept = []
+            for t in sorted(each, key=lambda t: (-tracklets.detections[t].size, t)):
+                if not used & set(tracklets.detections[t].tolist()):
+                    kept.append(t)
+                    used.update(tracklets.detections[t].tolist())
+            first = tracklets.time[max(kept, default=0)] - longest
+            members[k] = sorted(t for t in kept if tracklets.time[t] >= first)
+        return members
+
     def disjoint(self, orbits: list[tuple[int, ...]]) -> NDArray[np.bool_]:
         """Which tracklets share no detection with orbits that have these tracklets."""
         used = np.zeros(self.data[0].time.size, dtype=bool)

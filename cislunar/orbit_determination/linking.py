@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.association import gate_threshold
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
@@ -38,7 +38,7 @@ from cislunar.orbit_determination.initial_orbits import (
     is_plausible,
     refit_at,
 )
-from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
+from cislunar.orbit_determination.least_squares import CONVERGED, OrbitFits, fit_orbits
 from cislunar.orbit_determination.pairs import pair_starts, pairs_within
 from cislunar.orbit_determination.scores import LinkingSettings
 from cislunar.orbit_determination.tracklets import Attributables
@@ -66,7 +66,8 @@ _SPLIT_STARTS = 8
 
 
 class LinkedOrbits(NamedTuple):
-    """Chosen orbits, by decreasing score, each at the time of its last detection.
+    """Chosen orbits, by decreasing score, each at the time of its last detection, or at that of its
+    first fit if no fit converges there.
 
     Attributes
     ----------
@@ -173,23 +174,9 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, recent, free) -> None:
     """Attribute tracklets to known orbits, and mark these tracklets as no longer free. Orbits that
     stay confirmed keep theirs that are not `recent`."""
     angles, tracklets, forces, *_ = found.data
-    # each detection belongs to one orbit
-    owner = np.full(angles.time.size, -1)
-    for k in range(known.log_ratio.size):
-        owner[known.detections(k)] = k
-    members: list[list[int]] = [[] for _ in known.verdict]
-    for t, rows in enumerate(tracklets.detections):
-        if owner[rows[0]] >= 0 and np.all(owner[rows] == owner[rows[0]]):
-            members[owner[rows[0]]].append(t)
-    # largest tracklets of disjoint detections
-    for k, each in enumerate(members):
-        used: set[int] = set()
-        kept = []
-        for t in sorted(each, key=lambda t: (-tracklets.detections[t].size, t)):
-            if not used & set(tracklets.detections[t].tolist()):
-                kept.append(t)
-                used.update(tracklets.detections[t].tolist())
-        members[k] = sorted(kept)
+    longest = found.data[4].longest_arc_days * SECONDS_PER_DAY / TIME_UNIT_S
+    orbits = [known.detections(k) for k in range(known.log_ratio.size)]
+    members = found.tracklets_of(orbits, longest)
     which = [k for k, each in enumerate(members) if len(each) >= 2]
     rows = [np.unique(np.concatenate([tracklets.detections[t] for t in members[k]])) for k in which]
     fits = fit_orbits(angles, rows, known.fits.state[which], known.fits.epoch[which], forces=forces)
@@ -200,7 +187,8 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, recent, free) -> None:
     found.add(before)
     keep = zip(before.tracklets, known.confirmed[which][good], strict=True)
     steady = [each for each, confirmed in keep if confirmed and each in found.index]
-    _extend(found, before, recent | found.disjoint(steady), free, least=2)
+    usable = found.disjoint(steady) & (tracklets.time >= tracklets.time[-1] - longest)
+    _extend(found, before, recent | usable, free, least=2)
 
 
 def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
@@ -358,10 +346,10 @@ def _described(
     """Chosen orbits with verdicts, rivals and confirmation; initial orbits of the run before."""
     angles, tracklets, forces, region, settings = found.data
     chosen = sorted(chosen, key=lambda k: (-found.scores[k], found.members[k]))
-    parts = [
-        refit_at(found.fits[k], angles, angles.time[found.fits[k].row[-1]], forces=forces)
-        for k in chosen
-    ]
+    parts = [found.fits[k] for k in chosen]
+    later = [refit_at(fit, angles, angles.time[fit.row[-1]], forces=forces) for fit in parts]
+    # normal matrices of unstable orbits may be singular in double precision at one time only
+    parts = [b if b.status[0] == CONVERGED else a for a, b in zip(parts, later, strict=True)]
     fits = concatenate_fits(parts, found.empty)
     free = undetermined_directions(fits, region, settings.verdict)
     separation = separation_probability(fits, angles, forces=forces)

@@ -101,6 +101,9 @@ class LinkingSettings(Section):
     window_h: Positive = setting(
         "time before the last tracklet within which tracklets that are in no orbit are linked", "h",
         default=36)
+    longest_arc_days: Positive = setting(
+        "time before the last detection of an orbit within which its detections determine it: over "
+        "weeks, the fit of an unstable orbit is singular in double precision", "day", default=14)
     gate_probability: number(gt=0, lt=1) = setting(
         "probability that the gate keeps a tracklet of an orbit", "1", default=0.9999)
     exclusive_tracklets: Count = setting(

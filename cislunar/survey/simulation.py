@@ -3,8 +3,8 @@
 The truth is known to the simulation of the exposures and to `cislunar.survey.quality` only. The
 estimation side starts from a prior density (`cislunar.survey.priors`), plans fields
 (`cislunar.survey.planning`), receives detections without origins and links them
-(`cislunar.survey.catalog`). Confirmed orbits are tracked by the same least squares, with all their
-detections.
+(`cislunar.survey.catalog`). Confirmed orbits are tracked by the same least squares, with their
+detections of the last days (`LinkingSettings.longest_arc_days`).
 
 Assumptions and limitations
 ---------------------------

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cislunar.orbit_determination import squared_distances
+from cislunar.dynamics import EARTH_MOON
+from cislunar.orbit_determination import orbits_at, squared_distances
 
 
 def test_distances_are_those_of_the_inverse_covariance():
@@ -21,3 +22,11 @@ def test_a_covariance_that_is_none_has_no_distance_and_spoils_no_other(spoiled):
     found = squared_distances(np.ones((3, 6)), covariance)
     assert np.isnan(found[1])
     np.testing.assert_allclose(found[[0, 2]], 1.5)
+
+
+def test_an_orbit_without_a_finite_covariance_is_left_out():
+    state = np.array([1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0])
+    starts = [(0.0, state, scale * np.eye(6)) for scale in (1e-12, np.nan, 1e-10)]
+    moved, covariance, kept = orbits_at(starts, 0.2, EARTH_MOON)
+    assert kept.tolist() == [0, 2] and moved.shape == (2, 6)
+    np.testing.assert_allclose(covariance[1], 100.0 * covariance[0], rtol=1e-9)

@@ -36,6 +36,7 @@ from cislunar.orbit_determination.admissible_region import sphere_magnitude_resi
 from cislunar.orbit_determination.attribution import OrbitHypotheses, concatenate_fits
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
 from cislunar.orbit_determination.initial_orbits import is_plausible
+from cislunar.orbit_determination.least_squares import SINGULAR
 
 SIGMA = np.pi / 648_000.0
 HOUR = 3600.0 / TIME_UNIT_S
@@ -135,6 +136,34 @@ def test_known_orbits_are_continued(window_h, monkeypatch):
     sigma = np.sqrt(np.diagonal(at_once.fits.covariance[order[1]], axis1=1, axis2=2))
     apart = later.fits.state[order[0]] - at_once.fits.state[order[1]]
     assert np.abs(apart / sigma).max() < 1e-2
+
+
+def test_detections_before_the_longest_arc_no_longer_determine_an_orbit():
+    angles, origin = night(OBJECTS, [0.0, 2.0, 5.0, 9.0], 0.5, 3)
+    first = linked(angles.rows(np.flatnonzero(angles.time < 6.0 * HOUR)))
+    assert first.confirmed.sum() == 4
+    settings = LinkingSettings(window_h=2.0, longest_arc_days=4.0 / 24.0)
+    later = linked(angles, known=first, settings=settings)
+    assert sorted(origins(later, origin)[:4]) == [[0], [1], [2], [3]]
+    for k in range(4):
+        time = angles.time[later.detections(k)]
+        # those of the first hour are older than the arc of the orbit that is continued
+        assert time.size == 18 and time.min() > 1.5 * HOUR and time.max() > 8.5 * HOUR
+
+
+def test_an_orbit_that_is_singular_at_its_last_detection_stays_at_the_time_of_its_fit(monkeypatch):
+    def singular(fits, *given, **options):
+        bad = np.full((1, 6, 6), np.nan)
+        status = np.array([SINGULAR])
+        return fits._replace(covariance=bad, root=bad, status=status)
+
+    angles, _ = night(OBJECTS, [0.0, 2.0, 5.0], 0.5, 3)
+    usual = linked(angles)
+    monkeypatch.setattr(linking, "refit_at", singular)
+    found = linked(angles)
+    assert found.log_ratio.size == usual.log_ratio.size
+    assert np.isfinite(found.fits.covariance).all() and np.all(found.fits.status == 0)
+    assert np.any(found.fits.epoch != usual.fits.epoch)
 
 
 @pytest.mark.parametrize("intruder", [None, 20])
