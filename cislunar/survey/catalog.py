@@ -2,8 +2,9 @@
 
 The catalog receives exposures and detections without origins, links all tracklets so far, and
 predicts its orbits for the next plan. Confirmed orbits and candidates are continued by least
-squares with their detections of the last days. An orbit that no longer agrees with its detections is dissolved,
-and its detections of the last hours are linked anew, which also re-acquires lost objects.
+squares with their detections of the last days. An orbit that no longer agrees with its detections
+is dissolved, and its detections of the last hours are linked anew, which also re-acquires lost
+objects.
 
 If objects may maneuver, an orbit that is followed by another one of the same object, and an orbit
 whose object is not where it is predicted, are neither confirmed nor predicted any more
