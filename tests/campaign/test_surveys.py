@@ -21,6 +21,7 @@ from cislunar.dynamics import (
     UNITS,
     VELOCITY_UNIT_M_S,
     from_inertial,
+    jacobi_constant,
     propagate_many,
     pulsating_frame,
 )
@@ -129,6 +130,31 @@ def test_a_share_of_the_objects_is_outside_of_the_families(monkeypatch):
             back = np.array([from_inertial(state * UNITS, axes) for state in others])
             radius = np.linalg.norm(back[:, :3], axis=1)
             assert np.all(radius < 1.9) and np.all(radius > 0.05)
+
+
+def test_more_objects_than_target_orbits_have_phases_of_their_own(monkeypatch):
+    given = []
+
+    def taken(scene, truth, state, ids, *rest, **_):
+        given.append((state, ids))
+        raise StopIteration
+
+    monkeypatch.setattr(realization, "run_survey", taken)
+    inputs = cell_inputs(3)
+    available = inputs.tracked.sizes["target"]
+    survey = StatedSurvey(**SMALL | {"targets": 3 * available})
+    with pytest.raises(StopIteration):
+        survey_realization(
+            "mine", survey, 1, inputs, POINTS, settings_of_cell({}), propagator="dop853", seed=3
+        )
+    ((state, ids),) = given
+    assert sorted(ids) == list(range(3 * available))
+    energy = jacobi_constant(state)
+    for orbit in range(available):
+        same = ids % available == orbit
+        np.testing.assert_allclose(energy[same], energy[same][0], rtol=1e-9)
+        apart = state[same][:, None] - state[same]
+        assert np.linalg.norm(apart[~np.eye(3, dtype=bool)], axis=1).min() > 1e-3
 
 
 EVERYTHING = {
@@ -269,9 +295,12 @@ def test_rows_are_those_of_the_days_and_of_the_end():
 
 def test_impossible_surveys_are_refused_before_anything_runs():
     config = read_campaign(ROOT / "config")
+    own = {"D": {"targets": 9, "tracked": str(ROOT / "config/examples/targets.csv")}}
+    survey = {"mine": {"architecture": "exact", "scenario": "D", "targets": 13}}
+    with pytest.raises(ConfigurationError, match=r"'surveys.mine.targets' = 13 exceeds the 12"):
+        check_campaign(merged(config, {"scenarios": own, "surveys": survey}))
     for change, words in (
         ({"scenario": "D"}, "'surveys.mine.scenario' = 'D' is none of A, B, C"),
-        ({"targets": 203}, "'surveys.mine.targets' = 203 exceeds the 202"),
         ({"duration_days": 20}, "exceed the ephemeris"),
         ({"architecture": "pear"}, "'surveys.mine.architecture' = 'pear'"),
         ({"prior": {"families": 0, "zero_velocity": 0, "uniform": 0}}, "are all zero"),

@@ -255,10 +255,11 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
                 "prior_table'"
             )
         available = tracked_count(config, scenario)
-        if survey["targets"] > available:
+        named = config["scenarios"][scenario].get("tracked") is not None
+        if named and survey["targets"] > available:
             raise ConfigurationError(
                 f"{key}.targets' = {survey['targets']} exceeds the {available} moving targets of "
-                f"scenario {scenario}"
+                f"'scenarios.{scenario}.tracked'"
             )
         share, objects = survey["outside_families"], survey["targets"]
         if share > 0.0 and round(share * objects) == 0:

@@ -215,7 +215,9 @@ class StatedSurvey(SurveyModel):
         "for hyphens", default=None)
     scenario: str = setting("scenario whose moving targets are the objects", default="A")
     architecture: Architecture = setting("architecture whose observers search")
-    targets: Count = setting("number of objects", "1", default=202)
+    targets: Count = setting(
+        "number of objects; above the number of target orbits, several objects have the same orbit "
+        "at different phases", "1", default=202)
     outside_families: number(ge=0, le=1) = setting(
         "share of the objects that is replaced by objects on no orbit of the moving targets and of "
         "the observers (`cislunar.targets.objects_outside_families`)", "1", default=0)

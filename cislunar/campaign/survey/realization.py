@@ -103,6 +103,10 @@ def survey_realization(
         "start_day": survey.start_days * _van_der_corput(number),
         "monitored_seed": realization_seeds(seed, 1, number)[0],
     }
+    available = inputs.tracked.sizes["target"]
+    if survey.targets > available:
+        several = np.arange(survey.targets) % available
+        inputs = inputs._replace(tracked=inputs.tracked.isel(target=several))
     used = _settings(own, survey)
     cell_settings = typed(used, CellSettings, f"surveys.{name}")
     cell = Cell(survey.scenario, survey.architecture, "mukf", survey.targets, 60)
