@@ -14,6 +14,7 @@ from cislunar.runtime.settings_fields import (
     Section,
     number,
     setting,
+    whole,
 )
 
 SOURCES = ("families", "zero_velocity", "table", "uniform")
@@ -130,6 +131,29 @@ class QualitySettings(Section):
     # fmt: on
 
 
+class CharacterizationSettings(Section):
+    """Spin period, amplitude, and area times albedo of cataloged objects at the end of a survey."""
+
+    # fmt: off
+
+    least_detections: whole(ge=0) = setting(
+        "detections from which on the light curve of a confirmed orbit is used; 0: light curves "
+        "are not used", "1", default=0)
+    largest_noise_mag: Positive = setting(
+        "largest median standard deviation of the magnitudes of an object that is bright enough",
+        "mag", default=0.2)
+    angular_velocity_sigma_deg_h: Positive = setting(
+        "assumed standard deviation of each component of the angular velocity, whose mean is zero",
+        "deg/h", default=30)
+    searches: Count = setting("independent searches for the spin period of an object", "1",
+        default=4)
+    largest_period_error: Positive = setting(
+        "largest half width of the 95 % interval of the logarithm of a period that is determined",
+        "1", default=0.2)
+
+    # fmt: on
+
+
 class SurveyModel(Section):
     """Survey from an empty catalog."""
 
@@ -155,5 +179,6 @@ class SurveyModel(Section):
     tracklets: TrackletSettings = setting("", default=TrackletSettings())
     quality: QualitySettings = setting("", default=QualitySettings())
     lineage: LineageSettings = setting("", default=LineageSettings())
+    characterization: CharacterizationSettings = setting("", default=CharacterizationSettings())
 
     # fmt: on
