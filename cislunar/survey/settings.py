@@ -182,3 +182,28 @@ class SurveyModel(Section):
     characterization: CharacterizationSettings = setting("", default=CharacterizationSettings())
 
     # fmt: on
+
+    @property
+    def blocks_per_link(self) -> int:
+        """Blocks between two runs of linking."""
+        per_link = 60.0 * self.link_hours / self.search.block_minutes
+        found = round(per_link)
+        if abs(per_link - found) > 1e-9 or found < 1:
+            raise ConfigurationError(
+                f"link_hours = {self.link_hours} must be a multiple of "
+                f"search.block_minutes = {self.search.block_minutes}"
+            )
+        return found
+
+    @property
+    def blocks_late(self) -> int:
+        """Blocks after which data reach the catalog."""
+        late = self.latency_minutes / self.search.block_minutes
+        found = round(late)
+        if abs(late - found) > 1e-9 or found >= self.blocks_per_link:
+            raise ConfigurationError(
+                f"latency_minutes = {self.latency_minutes} must be a multiple of "
+                f"search.block_minutes = {self.search.block_minutes}, and less than link_hours "
+                f"= {self.link_hours}"
+            )
+        return found
