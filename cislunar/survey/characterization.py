@@ -17,7 +17,7 @@ from cislunar.estimation.light_curves.model_selection import (
     light_curve_rows,
     measured_brightness,
     spin_period,
-    unknown_rotation,
+    unknown_rotation_model,
 )
 from cislunar.observation import METERS, Scene, TargetSurfaces, dimming
 from cislunar.orbit_determination import Angles, LinkedOrbits
@@ -93,7 +93,7 @@ def characterize_orbits(
     if settings.least_detections == 0:
         return ()
     found, rate = [], settings.angular_velocity_sigma_deg_h
-    model = unknown_rotation(body, uniform_attitude_sigma(), rate)
+    model = unknown_rotation_model(body, uniform_attitude_sigma(), rate)
     effort = {"searches": settings.searches, "largest_error": settings.largest_period_error}
     for k in np.flatnonzero(orbits.confirmed).tolist():
         row, data = light_curve(orbits, k, angles, scene)

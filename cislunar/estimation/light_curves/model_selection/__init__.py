@@ -14,6 +14,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "report": ["RotationEstimate", "rotation_at"],
     "settings": ["ModelSelectionSettings"],
     "unknown_rotation": ["SpinPeriod", "light_curve_rows", "measured_brightness", "spin_period",
-        "unknown_rotation"],
+        "unknown_rotation_model"],
 })
 # fmt: on

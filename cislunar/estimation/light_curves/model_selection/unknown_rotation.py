@@ -113,7 +113,7 @@ def light_curve_rows(
     return data
 
 
-def unknown_rotation(
+def unknown_rotation_model(
     body: TargetSurfaces, attitude_sigma: float, rate_sigma_deg_h: float
 ) -> LightCurveModel:
     """Light-curve model of an assumed body without any knowledge of its rotation.
@@ -156,7 +156,7 @@ def spin_period(
     data : ndarray, shape (n, COLUMNS)
         See `light_curve_rows`.
     model : LightCurveModel
-        See `unknown_rotation`.
+        See `unknown_rotation_model`.
     rng : numpy.random.Generator
         Generator of the random starts.
     searches : int
