@@ -6,15 +6,15 @@ intervals are those of the noise, with a further error in proportion to it, beca
 distribution of magnitudes and faint measurements are missed (empirical).
 
 The spin period needs a model of the body. The rung *small deviations* is fitted with an unknown
-variance of the residuals, in several independent searches. With the costs C_j and the informations
-H_j of their distinct minima, the weights
+variance of the residuals, in several independent searches. With the costs C_j of their distinct
+minima, the weights
 
-    w_j ~ exp(-C_j / q) / sqrt(det H_j)                                                         (1)
+    w_j ~ exp(-C_j / q)                                                                         (1)
 
-are those of a likelihood tempered by q, since residuals of a wrong model are correlated. The
-interval is that of the mixture, with a further relative error of the period (empirical), since the
-model assumes a constant rotation. A period is determined if the interval is narrow. If it is not,
-the interval is that of the prior.
+are those of a tempered likelihood, since residuals of a wrong model are correlated. The interval is
+that of the mixture, with variances that are larger by q and a further relative error of the period
+(empirical), since the model assumes a constant rotation. A period is determined if the interval is
+narrow. If it is not, the interval is that of the prior.
 """
 
 from typing import NamedTuple
@@ -62,9 +62,9 @@ _MOST_ROWS = 150
 """Rows of a light curve that are searched; others are left out evenly."""
 _ERROR_MAG, _FREEDOM = 0.05, 2.0
 """Assumed error of the model, and degrees of freedom of the prior of the residuals' variance."""
-_TEMPERING = 4.0
+_TEMPERING = 8.0
 """q of equation (1) (empirical)."""
-_PERIOD_ERROR = 0.015
+_PERIOD_ERROR = 0.02
 """Relative standard deviation of a period by the assumed constant rotation (empirical)."""
 _AMPLITUDE_ERROR, _SIZE_ERROR = 0.6, 0.2
 """Standard deviations of amplitude and mean magnitude, in those of a magnitude (empirical)."""
@@ -229,8 +229,7 @@ def _mode(
     slope[3:ROTATION] = omega * model.sigma[3:ROTATION] / rate**2
     variance = slope @ np.linalg.solve(information, slope)
     sigma = np.sqrt(_TEMPERING * variance + _PERIOD_ERROR**2)
-    weight = -cost / _TEMPERING - 0.5 * np.linalg.slogdet(information)[1]
-    return float(np.log(2.0 * np.pi / rate / 3600.0)), float(sigma), float(weight)
+    return float(np.log(2.0 * np.pi / rate / 3600.0)), float(sigma), -cost / _TEMPERING
 
 
 def _of_mixture(mean: Array, sigma: Array, weight: Array) -> tuple[float, float, float]:
