@@ -85,6 +85,9 @@ class SearchSettings(Section):
     information_worth: NotNegative = setting(
         "worth of one nat of information on a known orbit, in detections of new objects; 0: "
         "without follow-up", "1", default=0.05)
+    characterization_worth: NotNegative = setting(
+        "worth of one nat of information on the light curve of a known orbit, in detections of new "
+        "objects; 0: plans disregard light curves", "1", default=0)
     exposure_s: Positive = setting("duration of an exposure", "s", default=10)
     slew_rate_deg_s: Positive = setting("rate at which a telescope turns", "deg/s", default=2)
     settle_s: NotNegative = setting("time to settle after a turn", "s", default=5)

@@ -209,7 +209,7 @@ class _Survey:
         self.density, self.record, self.forces = density, record, forces
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
-        self.planner = SearchPlanner(settings.search, scene, limits)
+        self.planner = SearchPlanner(settings.search, scene, limits, settings.magnitude_sigma)
         n = self.planner.n_steps
         total = settings.duration_days * SECONDS_PER_DAY / scene.step_s
         self.n_blocks = round(total / n)
@@ -308,7 +308,7 @@ class _Survey:
         chance = self._probability(seen, self.settings.prior.median_size_m2)
         shape = (len(self.planner.grids), len(position), _DRAWS)
         fields = self.planner.fields_of(seen).reshape(shape)
-        known = KnownOrbits(position, covariance, now.existence, sample)
+        known = KnownOrbits(position, covariance, now.existence, sample, now.detections)
         return known, fields, chance.reshape(shape)
 
     def _update(self, block: _Block, exposure: Indices, angles: Angles) -> None:
