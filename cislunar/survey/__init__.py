@@ -5,16 +5,18 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "catalog": ["Predictions", "SurveyCatalog"],
+    "characterization": ["CharacterizedOrbit", "characterize_orbits", "light_curve"],
     "density": ["ObjectDensity"],
     "fields": ["FieldGrid", "Views", "detection_probability", "views"],
     "hand_over": ["HandOver", "hand_over", "uniform_attitude_sigma"],
     "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
     "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],
-    "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
+    "quality": ["CatalogState", "CharacterizationQuality", "ORBIT_COLUMNS", "catalog_state",
+        "characterization_quality", "orbit_table", "true_tracklets"],
     "results": ["BlockRecord", "CatalogRecord", "SurveyResult"],
     "search_worth": ["search_tables"],
-    "settings": ["DensityPrior", "LineageSettings", "QualitySettings", "SOURCES", "SearchSettings",
-        "SurveyModel"],
+    "settings": ["CharacterizationSettings", "DensityPrior", "LineageSettings", "QualitySettings",
+        "SOURCES", "SearchSettings", "SurveyModel"],
     "simulation": ["SurveySettings", "run_survey"],
     "true_objects": ["TrueObjects"],
 })

@@ -68,11 +68,13 @@ _BLOCK_S = 1200.0
 
 class Predictions(NamedTuple):
     """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
-    propagation frame, and `existence` (orbit,), the probability that the orbit is of an object."""
+    propagation frame; `existence` (orbit,), the probability that the orbit is of an object; and
+    `detections` (orbit,), their number so far, if it is known."""
 
     state: Array
     covariance: Array
     existence: Array
+    detections: Indices | None = None
 
 
 class SurveyCatalog:
@@ -293,18 +295,20 @@ class SurveyCatalog:
     def predict(self, time: float) -> Predictions:
         """Orbits at a later time than the last detection; those that meet a body are left out."""
         if self.orbits is None:
-            return Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0))
+            none = np.empty(0, dtype=np.int64)
+            return Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0), none)
         if self._predicted is None:
             current = [k for k, each in enumerate(self.status) if each == CURRENT]
             fits = self.orbits.fits.take(current)
             starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
             existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
+            count = np.diff(fits.begin)
         else:
             before, last = self._predicted
             starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
-            existence = last.existence
+            existence, count = last.existence, last.detections
         states, covariances, kept = orbits_at(starts, time, self.forces)
-        found = Predictions(states, covariances, existence[kept])
+        found = Predictions(states, covariances, existence[kept], count[kept])
         self._predicted = time, found
         return found
 

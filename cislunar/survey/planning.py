@@ -14,7 +14,14 @@ covariance P (Cover & Thomas 2006, Elements of Information Theory, section 9.4),
     I = ln det(1 + H P H' R^-1) / 2,                                                            (2)
 
 which is large for an orbit whose range is undetermined if a second observer measures it, and small
-if the same observer does. Observers choose one after the other. Each choice lowers the weights of
+if the same observer does. With `SearchSettings.characterization_worth` each orbit with n detections
+also has the worth of a further magnitude with the noise sigma,
+
+    ln(1 + min(s^2 / sigma^2, 6 / n)) / 2,                                                      (3)
+
+times that number, with the scatter s of an object's magnitudes: the information on a single
+quantity, but at most that on six parameters of a rotation which n magnitudes have determined.
+Observers choose one after the other. Each choice lowers the weights of
 the particles in the field and the covariances of the orbits in it, so that another observer takes
 the same field only for what is left. The observer that begins changes from block to block. If the
 search ends before the survey (`SearchSettings.search_days`), the first sum is then left out.
@@ -41,6 +48,9 @@ Indices = NDArray[np.int64]
 _CONSIDERED = 4
 """Fields that are considered for a round, over those for which it has time."""
 
+_ROTATION = 6.0
+"""Parameters of a rotation."""
+
 _AHEAD = 40
 """Fields of a sweep that are looked ahead for clear ones, over the fields of a round."""
 
@@ -56,12 +66,15 @@ class KnownOrbits(NamedTuple):
         Probability that the orbit is that of an object.
     sample : ndarray, shape (orbit, draw, 3)
         Positions that represent the uncertainty.
+    detections : ndarray of int, shape (orbit,), or None
+        Number so far; None: none.
     """
 
     position: Array
     covariance: Array
     existence: Array
     sample: Array
+    detections: Indices | None = None
 
 
 class Visits(NamedTuple):
@@ -82,6 +95,8 @@ class SearchPlanner:
     scene : Scene
     limits : SensorLimits
         Of all observers.
+    magnitude_sigma : float
+        Scatter of an object's magnitudes, mag.
 
     Raises
     ------
@@ -89,9 +104,16 @@ class SearchPlanner:
         If a block has too few steps for one field.
     """
 
-    def __init__(self, settings: SearchSettings, scene: Scene, limits: SensorLimits) -> None:
+    def __init__(
+        self,
+        settings: SearchSettings,
+        scene: Scene,
+        limits: SensorLimits,
+        magnitude_sigma: float = 0.4,
+    ) -> None:
         require_multiple("block_minutes", settings.block_minutes, 60.0, scene.step_s)
         self.settings, self.scene, self.limits = settings, scene, limits
+        self.magnitude_sigma = magnitude_sigma
         self.n_steps = round(60.0 * settings.block_minutes / scene.step_s)
         self.round_steps = self.n_steps // settings.visits
         if self.round_steps < 1:
@@ -150,6 +172,9 @@ class SearchPlanner:
         n, last = len(self.grids), self.settings.search_days
         chosen: list[Indices] = [np.empty(0, dtype=np.int64)] * n
         strategy, left, covariance = self.settings.strategy, weight.copy(), known.covariance.copy()
+        count = np.zeros(len(known.position), dtype=np.int64)
+        if known.detections is not None:
+            count += known.detections
         if last is not None and index * self.scene.step_s > last * SECONDS_PER_DAY:
             strategy, left = DENSITY, np.zeros_like(weight)
         for turn in range(n):
@@ -160,6 +185,7 @@ class SearchPlanner:
                 chosen[o] = self._stared(o, index)
             else:
                 gain = self._information(o, index, known, covariance)
+                gain += self._brightness_worth(o, count)
                 chance = known_probability[o] * (known.existence / known.sample.shape[1])[:, None]
                 size = len(self.grids[o].center)
                 worth = np.bincount(fields[o], left * probability[o], minlength=size)
@@ -171,6 +197,7 @@ class SearchPlanner:
                 left[within] *= 1.0 - self.settings.detection_weight * probability[o, within]
                 share = np.isin(known_fields[o], chosen[o]) * known_probability[o]
                 taken = np.flatnonzero(share.mean(axis=1) > 0.5)
+                count[taken] += self.settings.visits
                 covariance[taken] = self._measured(
                     o, index, known.position[taken], covariance[taken]
                 )
@@ -215,6 +242,12 @@ class SearchPlanner:
         # nothing is left to be learned if rounding has made a covariance indefinite
         nats = 0.5 * np.where((sign > 0.0) & np.isfinite(log_det), log_det, 0.0)
         return self.settings.information_worth * nats
+
+    def _brightness_worth(self, o: int, count: Indices) -> Array:
+        """Worth of a further magnitude of orbits with a number of detections, equation (3)."""
+        ratio = self.magnitude_sigma**2 / self.limits.noise_variance[o, 0]
+        known = np.minimum(ratio, _ROTATION / np.maximum(count, 1))
+        return self.settings.characterization_worth * 0.5 * np.log1p(known)
 
     def _measured(self, o: int, index: int, position: Array, covariance: Array) -> Array:
         """Covariances after a measurement by an observer."""

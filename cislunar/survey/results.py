@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cislunar.detection import Detections, Exposures
 from cislunar.orbit_determination import LinkedOrbits
+from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.maneuvers import Lineage
 from cislunar.targets import Maneuvers
 
@@ -81,9 +82,13 @@ class SurveyResult(NamedTuple):
         confirmed orbit is right.
     linked : LinkedOrbits
         The catalog itself after the last run of linking, which knows nothing of the objects.
+    characterized : tuple of CharacterizedOrbit or None
+        What the light curves of confirmed orbits tell of their objects; None if light curves are
+        not used.
     """
 
     states: pd.DataFrame
     orbits: pd.DataFrame
     objects: pd.DataFrame
     linked: LinkedOrbits
+    characterized: tuple[CharacterizedOrbit, ...] | None = None

@@ -14,6 +14,7 @@ from cislunar.runtime.settings_fields import (
     Section,
     number,
     setting,
+    whole,
 )
 
 SOURCES = ("families", "zero_velocity", "table", "uniform")
@@ -84,6 +85,9 @@ class SearchSettings(Section):
     information_worth: NotNegative = setting(
         "worth of one nat of information on a known orbit, in detections of new objects; 0: "
         "without follow-up", "1", default=0.05)
+    characterization_worth: NotNegative = setting(
+        "worth of one nat of information on the light curve of a known orbit, in detections of new "
+        "objects; 0: plans disregard light curves", "1", default=0)
     exposure_s: Positive = setting("duration of an exposure", "s", default=10)
     slew_rate_deg_s: Positive = setting("rate at which a telescope turns", "deg/s", default=2)
     settle_s: NotNegative = setting("time to settle after a turn", "s", default=5)
@@ -130,6 +134,29 @@ class QualitySettings(Section):
     # fmt: on
 
 
+class CharacterizationSettings(Section):
+    """Spin period, amplitude, and area times albedo of cataloged objects at the end of a survey."""
+
+    # fmt: off
+
+    least_detections: whole(ge=0) = setting(
+        "detections from which on the light curve of a confirmed orbit is used; 0: light curves "
+        "are not used", "1", default=0)
+    largest_noise_mag: Positive = setting(
+        "largest median standard deviation of the magnitudes of an object that is bright enough",
+        "mag", default=0.2)
+    angular_velocity_sigma_deg_h: Positive = setting(
+        "assumed standard deviation of each component of the angular velocity, whose mean is zero",
+        "deg/h", default=30)
+    searches: Count = setting("independent searches for the spin period of an object", "1",
+        default=4)
+    largest_period_error: Positive = setting(
+        "largest half width of the 95 % interval of the logarithm of a period that is determined",
+        "1", default=0.2)
+
+    # fmt: on
+
+
 class SurveyModel(Section):
     """Survey from an empty catalog."""
 
@@ -155,5 +182,31 @@ class SurveyModel(Section):
     tracklets: TrackletSettings = setting("", default=TrackletSettings())
     quality: QualitySettings = setting("", default=QualitySettings())
     lineage: LineageSettings = setting("", default=LineageSettings())
+    characterization: CharacterizationSettings = setting("", default=CharacterizationSettings())
 
     # fmt: on
+
+    @property
+    def blocks_per_link(self) -> int:
+        """Blocks between two runs of linking."""
+        per_link = 60.0 * self.link_hours / self.search.block_minutes
+        found = round(per_link)
+        if abs(per_link - found) > 1e-9 or found < 1:
+            raise ConfigurationError(
+                f"link_hours = {self.link_hours} must be a multiple of "
+                f"search.block_minutes = {self.search.block_minutes}"
+            )
+        return found
+
+    @property
+    def blocks_late(self) -> int:
+        """Blocks after which data reach the catalog."""
+        late = self.latency_minutes / self.search.block_minutes
+        found = round(late)
+        if abs(late - found) > 1e-9 or found >= self.blocks_per_link:
+            raise ConfigurationError(
+                f"latency_minutes = {self.latency_minutes} must be a multiple of "
+                f"search.block_minutes = {self.search.block_minutes}, and less than link_hours "
+                f"= {self.link_hours}"
+            )
+        return found

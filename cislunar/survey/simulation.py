@@ -26,7 +26,7 @@ from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation import ObserverErrors
-from cislunar.observation import Scene, Sensors, sensor_limits, unit_vectors
+from cislunar.observation import Scene, Sensors, TargetSurfaces, sensor_limits, unit_vectors
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
@@ -37,12 +37,14 @@ from cislunar.runtime.arguments import array_of
 from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
 from cislunar.survey.catalog import Predictions, SurveyCatalog
+from cislunar.survey.characterization import CharacterizedOrbit, characterize_orbits
 from cislunar.survey.density import ObjectDensity
 from cislunar.survey.fields import Views, detection_probability, views
 from cislunar.survey.planning import KnownOrbits, SearchPlanner, Visits
 from cislunar.survey.quality import (
     CatalogState,
     catalog_state,
+    characterization_quality,
     orbit_table,
     right_objects,
     true_tracklets,
@@ -81,6 +83,7 @@ def run_survey(
     appears_hours: ArrayLike | None = None,
     eclipse: bool = False,
     observer_errors: ObserverErrors | None = None,
+    body: TargetSurfaces | None = None,
     progress: Callable[[int, int], None] | None = None,
     record: Callable[[BlockRecord], None] | None = None,
 ) -> SurveyResult:
@@ -115,6 +118,8 @@ def run_survey(
     observer_errors : ObserverErrors, optional
         How the catalog treats errors of the observers, and their assumed standard deviations. The
         true errors are those of `truth`. No treatment if omitted.
+    body : TargetSurfaces, optional
+        Assumed body of all objects, its first, for their characterization.
     progress : callable, optional
         Called with (blocks done, all blocks).
     record : callable, optional
@@ -134,7 +139,7 @@ def run_survey(
     errors = ObserverErrors() if observer_errors is None else observer_errors
     survey = _Survey(
         scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside, record,
-        appears_hours, eclipse, errors,
+        appears_hours, eclipse, errors, body,
     )  # fmt: skip
     for block in range(survey.n_blocks):
         survey.advance(block)
@@ -180,6 +185,7 @@ class _Survey:
         appears_hours,
         eclipse,
         errors,
+        body,
     ) -> None:
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
@@ -194,11 +200,16 @@ class _Survey:
                 f"density: none of {len(density.state)} particles is within the admissible region; "
                 "give states at the start, or widen the region"
             )
-        self.scene, self.settings, self.seed = scene, settings, seed
+        if settings.characterization.least_detections > 0 and body is None:
+            raise ConfigurationError(
+                "characterization.least_detections is above 0, and body is omitted: give the body "
+                "that the catalog assumes"
+            )
+        self.scene, self.settings, self.seed, self.body = scene, settings, seed, body
         self.density, self.record, self.forces = density, record, forces
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
-        self.planner = SearchPlanner(settings.search, scene, limits)
+        self.planner = SearchPlanner(settings.search, scene, limits, settings.magnitude_sigma)
         n = self.planner.n_steps
         total = settings.duration_days * SECONDS_PER_DAY / scene.step_s
         self.n_blocks = round(total / n)
@@ -212,21 +223,7 @@ class _Survey:
                 f"scene: {scene.sun_position.shape[0]} times are less than the "
                 f"{self.n_blocks * n + 1} of duration_days = {settings.duration_days}"
             )
-        per_link = 60.0 * settings.link_hours / settings.search.block_minutes
-        self.blocks_per_link = round(per_link)
-        if abs(per_link - self.blocks_per_link) > 1e-9 or self.blocks_per_link < 1:
-            raise ConfigurationError(
-                f"link_hours = {settings.link_hours} must be a multiple of "
-                f"search.block_minutes = {settings.search.block_minutes}"
-            )
-        late = settings.latency_minutes / settings.search.block_minutes
-        self.late = round(late)
-        if abs(late - self.late) > 1e-9 or self.late >= self.blocks_per_link:
-            raise ConfigurationError(
-                f"latency_minutes = {settings.latency_minutes} must be a multiple of "
-                f"search.block_minutes = {settings.search.block_minutes}, and less than link_hours "
-                f"= {settings.link_hours}"
-            )
+        self.blocks_per_link, self.late = settings.blocks_per_link, settings.blocks_late
         self.pending: deque[_Block] = deque()
         self.world = TrueObjects(
             scene, truth, states, ids, seed, 24.0 * settings.duration_days, settings.process,
@@ -311,7 +308,7 @@ class _Survey:
         chance = self._probability(seen, self.settings.prior.median_size_m2)
         shape = (len(self.planner.grids), len(position), _DRAWS)
         fields = self.planner.fields_of(seen).reshape(shape)
-        known = KnownOrbits(position, covariance, now.existence, sample)
+        known = KnownOrbits(position, covariance, now.existence, sample, now.detections)
         return known, fields, chance.reshape(shape)
 
     def _update(self, block: _Block, exposure: Indices, angles: Angles) -> None:
@@ -380,9 +377,21 @@ class _Survey:
             {"object": np.arange(first.size), "tracklets": self.tracklets, "detected": first,
              "cataloged": self.cataloged, "outside": self.outside}
         )  # fmt: skip
-        return SurveyResult(
-            pd.DataFrame(self.states),
-            pd.concat(self.orbits, ignore_index=True),
-            objects,
-            self.catalog.orbits,
-        )
+        found, orbits = self._characterized(angles, origin), self.catalog.orbits
+        states, table = pd.DataFrame(self.states), pd.concat(self.orbits, ignore_index=True)
+        return SurveyResult(states, table, objects, orbits, found)
+
+    def _characterized(
+        self, angles: Angles, origin: Indices
+    ) -> tuple[CharacterizedOrbit, ...] | None:
+        """What the light curves of the catalog tell, and its comparison with the truth in the last
+        state."""
+        settings, world = self.settings.characterization, self.world
+        if settings.least_detections == 0:
+            return None
+        given = self.catalog.orbits, angles, self.scene, self.body, settings, self.seed
+        found = characterize_orbits(*given)
+        truth = world.first_attitude, world.first_rate, world.truth.surfaces
+        attitude = world.attitudes()[: origin.size]
+        self.states[-1] |= characterization_quality(found, origin, attitude, *truth)._asdict()
+        return found

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from cislunar.detection import DetectionProcess, Detections, Exposures, expose
+from cislunar.detection import FALSE_ALARM, DetectionProcess, Detections, Exposures, expose
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.observation import Scene, Sensors, dimming
 from cislunar.runtime.arguments import array_of
@@ -46,6 +46,12 @@ class TrueObjects:
     eclipse : bool
         Whether shadows dim objects.
 
+    Attributes
+    ----------
+    first_attitude, first_rate : ndarray, shapes (object, 4) and (object, 3)
+        Attitudes, inertial frame to body frame, and angular velocities (rad/s, body frame) at the
+        start.
+
     Raises
     ------
     ConfigurationError
@@ -79,6 +85,7 @@ class TrueObjects:
         # attitudes are uniform, and unknown to the estimation side
         turns = Rotation.random(ids.size, random_state=generator(seed, "attitude")).as_quat()
         spin = generator(seed, "spin").standard_normal((ids.size, 3)) * np.deg2rad(30.0) / 3600.0
+        self.first_attitude, self.first_rate = turns, spin
         self.motion = TrueMotion(
             InitialEstimate(turns, spin, states, np.zeros(12)),
             self.scene,
@@ -93,6 +100,7 @@ class TrueObjects:
             observations=scene.observer_position.shape[0],
             maneuvers=Maneuvers(*(each[exists] for each in drawn)),
         )
+        self._attitudes: list[Array] = []
         self._states = np.empty((ids.size, 0, 6))
         self._kept: list[Array] = []
         self._n_blocks, self._n_steps = 0, 1
@@ -126,6 +134,11 @@ class TrueObjects:
                 out[here] = path[np.searchsorted(own, of[here]), at[here] - number * n]
                 state = path[:, -1]
         return out
+
+    def attitudes(self) -> Array:
+        """True attitude (row, 4) at each detection so far, inertial frame to body frame; NaN for
+        false alarms."""
+        return np.concatenate([np.empty((0, 4)), *self._attitudes])
 
     def maneuvered(self, elapsed_s: float) -> NDArray[np.bool_]:
         """Which objects have begun a maneuver by a time since the start, s."""
@@ -168,6 +181,11 @@ class TrueObjects:
             true=self.truth.sensor,
             dimmed=dimmed,
         )
+        attitude = np.full((origin.size, 4), np.nan)
+        real = np.flatnonzero(origin != FALSE_ALARM)
+        at = exposures.step[detections.exposure[real]] + 1
+        attitude[real] = moved.quaternion[origin[real], at]
+        self._attitudes.append(attitude)
         if self.observers is None:
             return detections, origin
         given = scene, start, moved.translation, exposures, detections, origin

@@ -284,6 +284,21 @@ def test_the_cost_of_the_search_is_that_over_the_survey_that_ends_it(found):
     assert cost["mean"].item() == pytest.approx((0.5 + 0.1) / 2)
 
 
+def test_rows_without_a_characterization_are_left_out_of_its_means(found):
+    """Rows of realizations that precede it have none of its columns."""
+    surveys, rows = found
+    first, second = rows["usual"]
+    added = {"bright": 80, "determined": 60, "period_determined": 0.75, "period_covered": 0.95}
+    table = catalog_rows(surveys, rows | {"usual": [first, second.assign(**added)]}, 3.0)
+    own = table[table["quantity"].isin(added)].set_index("quantity")
+    assert own.index.tolist() == ["bright", "period_determined", "period_covered"]
+    assert (own["survey"] == "usual").all() and (own["seeds"] == 1).all()
+    assert own["mean"].tolist() == [80, 0.75, 0.95]
+    # of a single realization the exact interval of a share of 60
+    assert 0.8 < own.loc["period_covered", "low"] < 0.9 < own.loc["period_covered", "high"] < 1.0
+    assert not set(catalog_rows(surveys, rows, 3.0)["quantity"]) & set(added)
+
+
 def test_rows_are_those_of_the_days_and_of_the_end():
     days = np.arange(1, 9) * 0.5
     states = pd.DataFrame({"day": days, "right": range(8)})

@@ -122,6 +122,35 @@ def test_visits_leave_time_to_turn_and_settle():
             before[o] = visits[-1]
 
 
+def test_orbits_with_few_magnitudes_are_worth_more_than_those_with_many():
+    """Equation (3), and its sum with the rest in a plan: an orbit that is known exactly attracts
+    the telescopes by its light curve alone."""
+    settings = SearchSettings(
+        block_minutes=2, slew_rate_deg_s=20, information_worth=0, characterization_worth=1
+    )
+    planner = SearchPlanner(settings, SCENE, LIMITS, 0.4)
+    ratio = 0.4**2 / LIMITS.noise_variance[1, 0]
+    worth = planner._brightness_worth(1, np.array([0, 2, 400]))
+    assert ratio > 6.0
+    np.testing.assert_allclose(worth, 0.5 * np.log([7.0, 4.0, 1.0 + 6.0 / 400.0]))
+    place = np.array([[0.2, 0.9, 0.1]])
+    known = KnownOrbits(place, np.zeros((1, 3, 3)), np.ones(1), np.tile(place[:, None], (1, 2, 1)))
+    own = planner.fields_of(views(SCENE, LIMITS, 10, place))[:, :, None].repeat(2, axis=2)
+    chance = np.ones((3, 1, 2))
+    # a field elsewhere is worth 0.16
+    weight, fields = np.array([0.2, 0.2]), np.array([[7, 8]] * 3)
+    for count, followed in ((10, True), (400, False)):
+        planner = SearchPlanner(settings, SCENE, LIMITS, 0.4)
+        one = known._replace(detections=np.array([count]))
+        plan = planned(planner, weight, fields, np.full((3, 2), 0.8), one, (own, chance))
+        assert (own[0, 0, 0] in plan.field[plan.observer == 0]) == followed
+    without = SearchPlanner(
+        settings.model_copy(update={"characterization_worth": 0}), SCENE, LIMITS
+    )
+    plan = planned(without, weight, fields, np.full((3, 2), 0.8), known, (own, chance))
+    assert np.isin(plan.field, [7, 8]).all()
+
+
 def test_exposures_point_at_the_centers_of_fields():
     planner = SearchPlanner(SearchSettings(), SCENE, LIMITS)
     fields = np.tile([40, 2000, 3100], (3, 1))

@@ -80,6 +80,33 @@ def test_a_survey_is_repeatable(result):
     assert again.states.equals(result.states) and again.orbits.equals(result.orbits)
 
 
+def test_objects_are_characterized_at_the_end_without_the_truth(result, monkeypatch):
+    chosen = {"characterization": {"least_detections": 15, "searches": 1}}
+    settings = SurveySettings(**SETTINGS.model_dump() | chosen)
+    with pytest.raises(ConfigurationError, match="body is omitted"):
+        surveyed(settings=settings)
+    assert result.characterized is None and "bright" not in result.states
+    found = surveyed(settings=settings, body=PROBLEM.surfaces)
+    assert found.orbits.equals(result.orbits)
+    same = list(result.states)
+    assert found.states[same].equals(result.states)
+    end, orbits = found.states.iloc[-1], found.linked
+    assert found.states["bright"].isna().tolist() == [True, True, False]
+    assert end["bright"] == len(found.characterized) >= 3
+    for each in found.characterized:
+        assert orbits.confirmed[each.orbit] and each.row.size >= 15
+        assert set(each.row) <= set(orbits.detections(each.orbit).tolist())
+    assert end["area_albedo_covered"] >= 0.7
+    # the truth changes the comparison alone
+    nothing = np.full((int(end["detections"]), 4), np.nan)
+    monkeypatch.setattr(true_objects.TrueObjects, "attitudes", lambda self: nothing)
+    poisoned = surveyed(settings=settings, body=PROBLEM.surfaces)
+    for one, other in zip(found.characterized, poisoned.characterized, strict=True):
+        np.testing.assert_array_equal(one.light_curve, other.light_curve)
+        assert one[4:] == other[4:]
+    assert poisoned.states["area_albedo_covered"].iloc[-1] == 0.0
+
+
 def test_a_search_may_end_before_the_survey():
     """Nothing differs before; afterwards fields without a known orbit are no longer visited."""
     blocks, ends = [], []

@@ -31,6 +31,12 @@ _QUANTITIES = {
     "Error of known objects (km)": ("error_known_km", ".2f", 1.0),
     "Error of known objects, increase by the search (%)": ("search_cost", "+.1f", 100.0),
     "Hours to catalog": ("hours_to_catalog", ".1f", 1.0),
+    "Characterized orbits": ("bright", ".0f", 1.0),
+    "Spin period determined (%)": ("period_determined", ".1f", 100.0),
+    "True spin period within its interval (%)": ("period_covered", ".1f", 100.0),
+    "Half width of that interval (%)": ("period_half_width", ".1f", 100.0),
+    "True amplitude within (%)": ("amplitude_covered", ".1f", 100.0),
+    "True area times albedo within (%)": ("area_albedo_covered", ".1f", 100.0),
 }
 """Columns: quantity, format and factor."""
 

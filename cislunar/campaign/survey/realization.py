@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.settings.library import loop_settings
+from cislunar.campaign.settings.library import loop_settings, nominal_surfaces
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.campaign.settings.tree import StatedSurvey
 from cislunar.campaign.survey.records import SurveyRecorder
@@ -154,6 +154,7 @@ def survey_realization(
         appears_hours=appears_hours,
         eclipse=cell_settings.eclipse,
         observer_errors=cell_settings.observer_errors,
+        body=nominal_surfaces(cell_settings, [[]]),
         progress=progress,
         record=record,
     )

@@ -17,9 +17,11 @@ QUANTITIES = (
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
     "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "nees_ballistic",
     "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost", "hours_to_catalog",
-    "undetected",
+    "undetected", "bright", "period_determined", "period_half_width", "period_covered",
+    "amplitude_covered", "area_albedo_covered",
 )  # fmt: skip
-"""Quantities of the table; see `cislunar.survey.CatalogState`. `right_difference`: right orbits
+"""Quantities of the table; see `cislunar.survey.CatalogState` and, from `bright` on,
+`cislunar.survey.CharacterizationQuality`. `right_difference`: right orbits
 minus those of the same realization of the first survey, if both have the same objects.
 `linked_share`: share of the findable objects with an orbit, confirmed or not. `wrong_share`: wrong
 and false orbits among the confirmed ones. `search_cost`: increase of `error_known_km` over that of
@@ -31,7 +33,8 @@ _COUNTS = ("wrong", "false", "duplicate")
 
 _SHARES = {
     "linked_share": "findable", "completeness": "findable", "custody": "findable",
-    "completeness_all": "objects", "wrong_share": "confirmed",
+    "completeness_all": "objects", "wrong_share": "confirmed", "period_determined": "bright",
+    "period_covered": "determined", "amplitude_covered": "bright", "area_albedo_covered": "bright",
 }  # fmt: skip
 """Shares, and what they are of."""
 

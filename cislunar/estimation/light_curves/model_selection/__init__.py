@@ -4,8 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "characterization": ["AMBIGUOUS", "Characterization", "STATUS_NAMES", "UNIQUE", "UNKNOWN_BODY",
-        "amplitude_of", "area_albedo_of", "attitude_status", "characterize"],
+    "characterization": ["AMBIGUOUS", "Characterization", "Interval", "STATUS_NAMES", "UNIQUE",
+        "UNKNOWN_BODY", "amplitude_of", "area_albedo_of", "attitude_status", "characterize"],
     "correlated": ["ModelError"],
     "in_loop": ["Selection", "characterized", "report_points", "reported_points", "status_of",
         "updated_selection"],
@@ -13,5 +13,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "rungs": ["RUNGS", "SelectedModel"],
     "report": ["RotationEstimate", "rotation_at"],
     "settings": ["ModelSelectionSettings"],
+    "unknown_rotation": ["SpinPeriod", "light_curve_rows", "measured_brightness", "spin_period",
+        "unknown_rotation_model"],
 })
 # fmt: on

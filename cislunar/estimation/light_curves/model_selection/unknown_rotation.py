@@ -1,0 +1,278 @@
+"""Spin period, amplitude, and area times albedo of an object of which nothing is known.
+
+Amplitude and area times albedo need no model of the body: they are taken from the magnitudes, with
+the definitions of `cislunar.estimation.light_curves.model_selection.Characterization`. Their
+intervals are those of the noise, with a further error in proportion to it, because noise widens the
+distribution of magnitudes and faint measurements are missed (empirical).
+
+The spin period needs a model of the body. The rung *small deviations* is fitted with an unknown
+variance of the residuals, in several independent searches. With the costs C_j of their distinct
+minima, the weights
+
+    w_j ~ exp(-C_j / q)                                                                         (1)
+
+are those of a tempered likelihood, since residuals of a wrong model are correlated. The interval is
+that of the mixture, with variances that are larger by q and a further relative error of the period
+(empirical), since the model assumes a constant rotation. A period is determined if the interval is
+narrow. If it is not, the interval is that of the prior.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr
+from scipy.stats import chi
+from threadpoolctl import threadpool_limits
+
+from cislunar.attitude.inertia import rigid_bodies
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.light_curves.light_curve import (
+    Anchor,
+    LightCurveModel,
+    cost_and_derivatives,
+    initial_state,
+)
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    Interval,
+    amplitude_of,
+    area_albedo_of,
+)
+from cislunar.estimation.light_curves.model_selection.ladder import search_modes
+from cislunar.estimation.light_curves.model_selection.rungs import model_of_rung
+from cislunar.estimation.light_curves.row_blocks import (
+    COLUMNS,
+    MAGNITUDE,
+    RANGE,
+    ROTATION,
+    SEEN,
+    SUN,
+    TIME,
+    VIEW,
+    WEIGHT,
+)
+from cislunar.observation.target_surfaces import TargetSurfaces, body_of
+
+Array = NDArray[np.float64]
+
+_RUNG = "small deviations"
+_MOST_ROWS = 150
+"""Rows of a light curve that are searched; others are left out evenly."""
+_ERROR_MAG, _FREEDOM = 0.05, 2.0
+"""Assumed error of the model, and degrees of freedom of the prior of the residuals' variance."""
+_TEMPERING = 8.0
+"""q of equation (1) (empirical)."""
+_PERIOD_ERROR = 0.02
+"""Relative standard deviation of a period by the assumed constant rotation (empirical)."""
+_AMPLITUDE_ERROR, _SIZE_ERROR = 0.6, 0.2
+"""Standard deviations of amplitude and mean magnitude, in those of a magnitude (empirical)."""
+_LEVELS = (0.025, 0.975)
+_WIDE = 1.96
+_DRAWS = 100
+_SAME_MODE = 2.0
+"""Squared distance, in variances, below which two minima are one."""
+
+
+class SpinPeriod(NamedTuple):
+    """A spin period, 2 pi divided by the angular rate at time 0, h, with its 95 % interval, and
+    whether it is determined; otherwise the interval is that of the prior."""
+
+    interval: Interval
+    determined: bool
+
+
+def light_curve_rows(
+    time_s: ArrayLike,
+    magnitude: ArrayLike,
+    variance: ArrayLike,
+    sun: ArrayLike,
+    view: ArrayLike,
+    range_m: ArrayLike,
+) -> Array:
+    """Rows of a light curve that consists of detections.
+
+    Parameters
+    ----------
+    time_s, magnitude, variance, range_m : array_like, shape (n,)
+        Times since the epoch, s; magnitudes; their variances, mag^2; ranges, m.
+    sun, view : array_like, shape (n, 3)
+        Unit vectors from the object to the Sun and to the observer, inertial frame.
+
+    Returns
+    -------
+    ndarray, shape (n, COLUMNS)
+        See `cislunar.estimation.light_curves.light_curve.cost`. The weight of a row is the inverse
+        of its variance.
+    """
+    data = np.empty((np.size(time_s), COLUMNS))
+    data[:, TIME], data[:, MAGNITUDE], data[:, RANGE] = time_s, magnitude, range_m
+    data[:, SUN], data[:, VIEW], data[:, SEEN] = sun, view, 1.0
+    data[:, WEIGHT] = 1.0 / np.asarray(variance, dtype=float)
+    return data
+
+
+def unknown_rotation_model(
+    body: TargetSurfaces, attitude_sigma: float, rate_sigma_deg_h: float
+) -> LightCurveModel:
+    """Light-curve model of an assumed body without any knowledge of its rotation.
+
+    Parameters
+    ----------
+    body : TargetSurfaces
+        The assumed body, its first.
+    attitude_sigma : float
+        Standard deviation of each parameter (GRP) of the attitude.
+    rate_sigma_deg_h : float
+        Standard deviation of each component of the angular velocity, deg/h.
+
+    Returns
+    -------
+    LightCurveModel
+        For rows whose weights are inverse variances.
+    """
+    bodies, nothing = rigid_bodies(body.inertia[:1]), np.empty(0, dtype=np.int64)
+    sigma = np.repeat([attitude_sigma, np.deg2rad(rate_sigma_deg_h) / 3600.0], 3)
+    return LightCurveModel(
+        np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), sigma, nothing, nothing, bodies.inertia[0],
+        bodies.inverse[0], bool(bodies.spherical[0]), body_of(body, 0),
+        bool(body.irradiance_4pi), bool(body.fresnel_sqrt), 1.0, 0.0,
+    )  # fmt: skip
+
+
+def spin_period(
+    data: Array,
+    model: LightCurveModel,
+    rng: np.random.Generator,
+    *,
+    searches: int = 4,
+    largest_error: float = 0.2,
+) -> SpinPeriod:
+    """Spin period of a light curve.
+
+    Parameters
+    ----------
+    data : ndarray, shape (n, COLUMNS)
+        See `light_curve_rows`.
+    model : LightCurveModel
+        See `unknown_rotation_model`.
+    rng : numpy.random.Generator
+        Generator of the random starts.
+    searches : int
+        Number of independent searches.
+    largest_error : float
+        Largest half width of the interval of the logarithm of a period that is determined.
+
+    Returns
+    -------
+    SpinPeriod
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no rows.
+    """
+    if len(data) == 0:
+        raise ConfigurationError("light curve: it has no rows; leave out targets never seen")
+    evenly = np.linspace(0, len(data) - 1, min(len(data), _MOST_ROWS))
+    rows = data[np.rint(evenly).astype(np.int64)]
+    variance = 1.0 / rows[:, WEIGHT] + _ERROR_MAG**2
+    changed = {"noise_variance": float(np.median(variance)), "noise_freedom": _FREEDOM}
+    own = model_of_rung(model, _RUNG)._replace(**changed)
+    rows[:, WEIGHT] = own.noise_variance / variance
+    how = BatchSettings().search_settings()._replace(starts=16, first_starts=32, pool=256)
+    minima: list[tuple[Array, Array, float]] = []
+    with threadpool_limits(limits=1):
+        for _ in range(searches):
+            for u in search_modes(rows, own, how, rng):
+                cost, information = _minimum(u, rows, own)
+                if np.isfinite(cost) and np.linalg.eigvalsh(information)[0] > 0.0:
+                    minima.append((u, information, cost))
+    modes = [_mode(*each, own) for each in _distinct(minima)]
+    if modes:
+        log_period, sigma, weight = (np.array(each) for each in zip(*modes, strict=True))
+        value, low, high = _of_mixture(log_period, sigma, np.exp(weight - weight.max()))
+        if 0.5 * (high - low) <= largest_error:
+            ends = (float(np.exp(each)) for each in (value, low, high))
+            return SpinPeriod(Interval(*ends), True)
+    # the length of a normal vector has the chi distribution with three degrees of freedom
+    rates = own.sigma[3] * chi(3).ppf([0.5, _LEVELS[1], _LEVELS[0]])
+    return SpinPeriod(Interval(*(2.0 * np.pi / rates / 3600.0).tolist()), False)
+
+
+def _minimum(u: Array, data: Array, model: LightCurveModel) -> tuple[float, Array]:
+    """Cost and information at a minimum."""
+    size = u.size
+    gradient, information = np.empty(size), np.empty((size, size))
+    anchor = Anchor(np.zeros(size), np.eye(size), np.zeros(1))
+    return float(cost_and_derivatives(u, data, anchor, model, gradient, information)), information
+
+
+def _distinct(minima: list[tuple[Array, Array, float]]) -> list[tuple[Array, Array, float]]:
+    """Distinct minima of several searches, best first."""
+    kept: list[tuple[Array, Array, float]] = []
+    for each in sorted(minima, key=lambda one: one[2]):
+        if all((each[0] - u) @ h @ (each[0] - u) >= _SAME_MODE for u, h, _ in kept):
+            kept.append(each)
+    return kept
+
+
+def _mode(
+    u: Array, information: Array, cost: float, model: LightCurveModel
+) -> tuple[float, float, float]:
+    """Logarithm of the period (h) of a minimum, its standard deviation, and its log weight."""
+    quaternion, omega = np.empty(4), np.empty(3)
+    initial_state(u, model, quaternion, omega)
+    rate = np.linalg.norm(omega)
+    slope = np.zeros(u.size)
+    slope[3:ROTATION] = omega * model.sigma[3:ROTATION] / rate**2
+    variance = slope @ np.linalg.solve(information, slope)
+    sigma = np.sqrt(_TEMPERING * variance + _PERIOD_ERROR**2)
+    return float(np.log(2.0 * np.pi / rate / 3600.0)), float(sigma), -cost / _TEMPERING
+
+
+def _of_mixture(mean: Array, sigma: Array, weight: Array) -> tuple[float, float, float]:
+    """Value of the likeliest component of a mixture of normals, and the mixture's interval."""
+    share = weight / weight.sum()
+
+    def quantile(level: float) -> float:
+        ends = np.min(mean - 9.0 * sigma), np.max(mean + 9.0 * sigma)
+        return float(brentq(lambda x: share @ ndtr((x - mean) / sigma) - level, *ends))
+
+    low, high = (quantile(level) for level in _LEVELS)
+    return float(np.clip(mean[np.argmax(share)], low, high)), low, high
+
+
+def measured_brightness(
+    data: Array, irradiance_4pi: bool, rng: np.random.Generator
+) -> tuple[Interval, Interval]:
+    """Amplitude and area times albedo of a light curve, from its magnitudes alone.
+
+    Parameters
+    ----------
+    data : ndarray, shape (n, COLUMNS)
+        See `light_curve_rows`.
+    irradiance_4pi : bool
+        Law of irradiance, see `cislunar.photometry.PhotometryModel`.
+    rng : numpy.random.Generator
+        Generator of further noise, whose effect is that of the measured noise.
+
+    Returns
+    -------
+    amplitude_mag, area_albedo_m2 : Interval
+        See `Characterization`.
+    """
+    magnitude, sigma = data[:, MAGNITUDE], np.sqrt(1.0 / data[:, WEIGHT])
+    noise = float(np.median(sigma))
+    drawn = magnitude + sigma * rng.standard_normal((_DRAWS, sigma.size))
+    spans = [amplitude_of(each, data, irradiance_4pi) for each in drawn]
+    sizes = np.log([area_albedo_of(each, data, irradiance_4pi) for each in drawn])
+    span = amplitude_of(magnitude, data, irradiance_4pi)
+    size = np.log(area_albedo_of(magnitude, data, irradiance_4pi))
+    wide = _WIDE * np.hypot(np.std(spans), _AMPLITUDE_ERROR * noise)
+    about = _WIDE * np.hypot(np.std(sizes), _SIZE_ERROR * noise)
+    return (
+        Interval(float(span), float(max(span - wide, 0.0)), float(span + wide)),
+        Interval(*(float(np.exp(each)) for each in (size, size - about, size + about))),
+    )
