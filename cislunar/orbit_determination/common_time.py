@@ -88,10 +88,14 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
     state, covariance, kept = orbits_at(starts, float(fits.epoch.max()), forces)
     gate, found = gate_threshold(probability, 6), []
+    variance = np.trace(covariance, axis1=1, axis2=2)
     for k in range(len(state) - 1):
         apart = state[k + 1 :] - state[k]
-        squared = squared_distances(apart, covariance[k + 1 :] + covariance[k])
-        near = k + 1 + np.flatnonzero(squared <= gate)
+        # no eigenvalue of a covariance exceeds its trace, so that most pairs need no inverse
+        least = np.sum(apart**2, axis=1) / (variance[k + 1 :] + variance[k])
+        near = k + 1 + np.flatnonzero(~(least > 2.0 * gate))
+        squared = squared_distances(state[near] - state[k], covariance[near] + covariance[k])
+        near = near[squared <= gate]
         found.append(np.stack([np.full(near.size, kept[k]), kept[near]], axis=1))
     return np.concatenate([np.empty((0, 2), dtype=np.int64), *found])
 
