@@ -93,8 +93,9 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
         apart = state[k + 1 :] - state[k]
         # no eigenvalue of a covariance exceeds its trace, so that most pairs need no inverse
         least = np.sum(apart**2, axis=1) / (variance[k + 1 :] + variance[k])
-        near = k + 1 + np.flatnonzero(~(least > 2.0 * gate))
-        squared = squared_distances(state[near] - state[k], covariance[near] + covariance[k])
+        close = np.flatnonzero(~(least > 2.0 * gate))
+        near = k + 1 + close
+        squared = squared_distances(apart[close], covariance[near] + covariance[k])
         near = near[squared <= gate]
         found.append(np.stack([np.full(near.size, kept[k]), kept[near]], axis=1))
     return np.concatenate([np.empty((0, 2), dtype=np.int64), *found])

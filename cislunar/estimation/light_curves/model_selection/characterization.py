@@ -38,7 +38,8 @@ _UNIQUE_SHARE = 0.95
 _LARGE_MODEL_ERROR_MAG = 0.25
 _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
-_LEVELS = (0.025, 0.975)
+LEVELS = (0.025, 0.975)
+"""Quantiles at the ends of a 95 % interval."""
 _UNKNOWN_FACTOR = 1.8
 """Factor on the intervals of period and axis of an unknown body, whose posterior has further local
 maxima, that the search does not find (empirical: cylinders and hexagonal prisms that are assumed to
@@ -150,6 +151,12 @@ def area_albedo_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float
     return float(total.sum() / sphere.sum())
 
 
+def require_rows(data: Array) -> None:
+    """Refuse a light curve without rows by a `ConfigurationError`."""
+    if len(data) == 0:
+        raise ConfigurationError("light curve: it has no rows; leave out targets never seen")
+
+
 def characterize(
     selected: SelectedModel, data: Array, model: LightCurveModel, rng: np.random.Generator
 ) -> Characterization:
@@ -175,8 +182,7 @@ def characterize(
     ConfigurationError
         If there are no rows.
     """
-    if len(data) == 0:
-        raise ConfigurationError("light curve: it has no rows; leave out targets never seen")
+    require_rows(data)
     sampled = _samples(selected, rng, _ROTATIONS)
     quaternion, omega = np.empty(4), np.empty(3)
     rates, axes, brightness = np.empty(_ROTATIONS), np.empty((_ROTATIONS, 3)), []
@@ -191,7 +197,7 @@ def characterize(
     factor = _UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
     logs = np.log(2.0 * np.pi / rates / 3600.0)
     period = np.median(logs)
-    low, high = period + factor * (np.quantile(logs, _LEVELS) - period)
+    low, high = period + factor * (np.quantile(logs, LEVELS) - period)
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))

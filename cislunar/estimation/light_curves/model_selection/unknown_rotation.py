@@ -27,7 +27,6 @@ from scipy.stats import chi
 from threadpoolctl import threadpool_limits
 
 from cislunar.attitude.inertia import rigid_bodies
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import (
     Anchor,
@@ -36,9 +35,11 @@ from cislunar.estimation.light_curves.light_curve import (
     initial_state,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
+    LEVELS,
     Interval,
     amplitude_of,
     area_albedo_of,
+    require_rows,
 )
 from cislunar.estimation.light_curves.model_selection.ladder import search_modes
 from cislunar.estimation.light_curves.model_selection.rungs import model_of_rung
@@ -68,7 +69,6 @@ _PERIOD_ERROR = 0.02
 """Relative standard deviation of a period by the assumed constant rotation (empirical)."""
 _AMPLITUDE_ERROR, _SIZE_ERROR = 0.6, 0.2
 """Standard deviations of amplitude and mean magnitude, in those of a magnitude (empirical)."""
-_LEVELS = (0.025, 0.975)
 _WIDE = 1.96
 _DRAWS = 100
 _SAME_MODE = 2.0
@@ -173,8 +173,7 @@ def spin_period(
     ConfigurationError
         If there are no rows.
     """
-    if len(data) == 0:
-        raise ConfigurationError("light curve: it has no rows; leave out targets never seen")
+    require_rows(data)
     evenly = np.linspace(0, len(data) - 1, min(len(data), _MOST_ROWS))
     rows = data[np.rint(evenly).astype(np.int64)]
     variance = 1.0 / rows[:, WEIGHT] + _ERROR_MAG**2
@@ -197,7 +196,7 @@ def spin_period(
             ends = (float(np.exp(each)) for each in (value, low, high))
             return SpinPeriod(Interval(*ends), True)
     # the length of a normal vector has the chi distribution with three degrees of freedom
-    rates = own.sigma[3] * chi(3).ppf([0.5, _LEVELS[1], _LEVELS[0]])
+    rates = own.sigma[3] * chi(3).ppf([0.5, LEVELS[1], LEVELS[0]])
     return SpinPeriod(Interval(*(2.0 * np.pi / rates / 3600.0).tolist()), False)
 
 
@@ -240,7 +239,7 @@ def _of_mixture(mean: Array, sigma: Array, weight: Array) -> tuple[float, float,
         ends = np.min(mean - 9.0 * sigma), np.max(mean + 9.0 * sigma)
         return float(brentq(lambda x: share @ ndtr((x - mean) / sigma) - level, *ends))
 
-    low, high = (quantile(level) for level in _LEVELS)
+    low, high = (quantile(level) for level in LEVELS)
     return float(np.clip(mean[np.argmax(share)], low, high)), low, high
 
 
