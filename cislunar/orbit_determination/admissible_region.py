@@ -44,8 +44,9 @@ class AdmissibleRegion(Section):
     largest_distance_km: Positive = setting(
         "largest distance from the Earth-Moon barycenter", "km", default=730_360)
     least_jacobi: Number = setting(
-        "least Jacobi constant, which bounds the speed; free returns have 1.8 to 2.3", "1",
-        default=1.5)
+        "least Jacobi constant, which bounds the speed: 0.5 admits prograde and polar orbits about "
+        "the Earth, whose constants are at least 1/a, and excludes wide retrograde ones",
+        "1", default=0.5)
     largest_jacobi: Number = setting("largest Jacobi constant", "1", default=8)
     least_size_m2: Positive = setting(
         "least product of diffuse reflection coefficient and squared radius of the sphere that is "

@@ -41,6 +41,9 @@ _COARSE = 4
 _EXCLUDED_ABOVE = 25.0
 """Squared residual, in tolerances, above which the coarse grid excludes a pair."""
 
+_TINY = 1e-300
+"""In place of a vanishing denominator."""
+
 
 class PairSettings(Section):
     """Which pairs of tracklets may be of one object."""
@@ -155,6 +158,81 @@ def _residuals(forces, rate, t, dt, turn, r, v, u, g, second, passes, units, wor
 
 
 @njit_noalloc
+def _coarse_residuals(dt, u, points, second, units, out):
+    """Residuals of `_residuals` with one pass for all points of a coarse grid into rows 0 to 4 of
+    `out`, and ranges of the second tracklet into row 5. Rows of `points` (9, point): position,
+    velocity less that along u, and gravity. The loop without branches becomes vector arithmetic."""
+    p0, p1, p2 = second[0, 0], second[0, 1], second[0, 2]
+    w0, w1, w2 = second[1, 0], second[1, 1], second[1, 2]
+    d0, d1, d2 = second[2, 0], second[2, 1], second[2, 2]
+    a0, a1, a2 = dt * u[0], dt * u[1], dt * u[2]
+    # components of the rate across the second line of sight, by range rate and range
+    e0 = e1 = f0 = f1 = 0.0
+    for c in range(3):
+        e0 += second[4, c] * u[c]
+        e1 += second[5, c] * u[c]
+        f0 -= second[4, c] * second[3, c]
+        f1 -= second[5, c] * second[3, c]
+    b0, b1, b2 = second[4, 0], second[4, 1], second[4, 2]
+    c0, c1, c2 = second[5, 0], second[5, 1], second[5, 2]
+    m11 = a0 * a0 + a1 * a1 + a2 * a2
+    m12 = -(a0 * d0 + a1 * d1 + a2 * d2)
+    m22 = d0 * d0 + d1 * d1 + d2 * d2
+    s11, s12, s22 = e0 * e0 + e1 * e1, e0 * f0 + e1 * f1, f0 * f0 + f1 * f1
+    third, angle2, rate2 = 0.5 * dt * dt, units[0] * units[0], units[1] * units[1]
+    for k in range(points.shape[1]):
+        g0, g1, g2 = points[6, k], points[7, k], points[8, k]
+        q0 = p0 - points[0, k] - points[3, k] * dt - g0 * third
+        q1 = p1 - points[1, k] - points[4, k] * dt - g1 * third
+        q2 = p2 - points[2, k] - points[5, k] * dt - g2 * third
+        j0 = points[3, k] + g0 * dt - w0
+        j1 = points[4, k] + g1 * dt - w1
+        j2 = points[5, k] + g2 * dt - w2
+        h0 = b0 * j0 + b1 * j1 + b2 * j2
+        h1 = c0 * j0 + c1 * j1 + c2 * j2
+        # at least 0.01, as in `_residuals`
+        scale2 = max(q0 * q0 + q1 * q1 + q2 * q2, 1e-4)
+        wa2, wr2 = 1.0 / (angle2 * scale2), 1.0 / (rate2 * scale2)
+        n11 = m11 * wa2 + s11 * wr2
+        n12 = m12 * wa2 + s12 * wr2
+        n22 = m22 * wa2 + s22 * wr2
+        y1 = (a0 * q0 + a1 * q1 + a2 * q2) * wa2 - (e0 * h0 + e1 * h1) * wr2
+        y2 = -(d0 * q0 + d1 * q1 + d2 * q2) * wa2 - (f0 * h0 + f1 * h1) * wr2
+        inverse = 1.0 / (n11 * n22 - n12 * n12)
+        speed = (n22 * y1 - n12 * y2) * inverse
+        far = (n11 * y2 - n12 * y1) * inverse
+        wa, wr = np.sqrt(wa2), np.sqrt(wr2)
+        out[0, k] = (a0 * speed - far * d0 - q0) * wa
+        out[1, k] = (a1 * speed - far * d1 - q1) * wa
+        out[2, k] = (a2 * speed - far * d2 - q2) * wa
+        out[3, k] = (h0 + speed * e0 + far * f0) * wr
+        out[4, k] = (h1 + speed * e1 + far * f1) * wr
+        out[5, k] = far
+
+
+@njit_noalloc
+def _is_excluded(residuals, inside):
+    """Whether residuals (7, point) between neighbors of a coarse grid exclude a pair; row 6 is for
+    their squares. `inside` is 1 for points within the largest distance, and 0 for others."""
+    for k in range(residuals.shape[1] - 1):
+        r0, r1, r2 = residuals[0, k], residuals[1, k], residuals[2, k]
+        r3, r4 = residuals[3, k], residuals[4, k]
+        x0, x1, x2 = residuals[0, k + 1] - r0, residuals[1, k + 1] - r1, residuals[2, k + 1] - r2
+        x3, x4 = residuals[3, k + 1] - r3, residuals[4, k + 1] - r4
+        up = r0 * x0 + r1 * x1 + r2 * x2 + r3 * x3 + r4 * x4
+        down = max(x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4, _TINY)
+        s = min(max(-up / down, 0.0), 1.0)
+        r0, r1, r2, r3, r4 = r0 + s * x0, r1 + s * x1, r2 + s * x2, r3 + s * x3, r4 + s * x4
+        cost = r0 * r0 + r1 * r1 + r2 * r2 + r3 * r3 + r4 * r4
+        far = max(residuals[5, k] * inside[k], residuals[5, k + 1] * inside[k + 1])
+        residuals[6, k] = cost if far > 0.0 else np.inf
+    possible = 0
+    for k in range(residuals.shape[1] - 1):
+        possible += residuals[6, k] <= _EXCLUDED_ABOVE
+    return possible == 0
+
+
+@njit_noalloc
 def _between(error, far, k, m):
     """Least squared residual between two ranges of the grid, and where it is, from 0 to 1."""
     up = down = cost = 0.0
@@ -173,7 +251,7 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
     """Local minima of the residuals of all pairs; their number, or -1 if there are too many."""
     time, vectors = tracklets
     first, second, found_cost, found_range, found_rate = out
-    start, gravity, speed, error, values, later, work = scratch
+    start, gravity, speed, error, values, later, work, coarse, excluded, within = scratch
     rho_rate, far, inside, low_cost, low_range, low_rate = values
     count, n, last, least = 0, ranges.size, -1, ranges[0]
     for p in range(pairs.shape[0]):
@@ -189,21 +267,18 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
                 gravity[k, 0], gravity[k, 1], gravity[k, 2] = _gravity(
                     forces, rate, t, start[k, 0], start[k, 1], start[k, 2]
                 )
+            for k in range(coarse.shape[1]):
+                q = k * _COARSE
+                for c in range(3):
+                    coarse[c, k], coarse[3 + c, k] = start[q, c], speed[q, c]
+                    coarse[6 + c, k] = gravity[q, c]
+                within[k] = 1.0 if inside[q] <= largest * largest else 0.0
         c, s = np.cos(rate * dt), np.sin(rate * dt)
         for m in range(6):
             _turn(c, s, vectors[j, m], later[m])
         # a coarse grid with the gravity of the first tracklet alone excludes most pairs
-        best = np.inf
-        for k in range(0, n, _COARSE):
-            far[k] = -1.0
-            if inside[k] <= largest * largest:
-                _, far[k] = _residuals(
-                    forces, rate, t, dt, (c, s), start[k], speed[k], u, gravity[k], later, 1, units,
-                    work, error[k],
-                )  # fmt: skip
-            if k >= _COARSE and (far[k] > 0.0 or far[k - _COARSE] > 0.0):
-                best = min(best, _between(error, far, k - _COARSE, k)[0])
-        if not best <= _EXCLUDED_ABOVE:
+        _coarse_residuals(dt, u, coarse, later, units, excluded)
+        if _is_excluded(excluded, within):
             continue
         for k in range(n):
             far[k] = -1.0
@@ -274,9 +349,11 @@ def pair_starts(
     per_unit = ARCSECOND * TIME_UNIT_S
     units = np.deg2rad(settings.angle_tolerance_deg), settings.rate_tolerance_arcsec_s * per_unit
     n, capacity = ranges.size, 2 * len(pairs) + 64
+    few = (n + _COARSE - 1) // _COARSE
     scratch = (
         np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 5)),
         tuple(np.empty(n) for _ in range(6)), np.empty((6, 3)), np.empty((3, 3)),
+        np.empty((9, few)), np.empty((7, few)), np.empty(few),
     )  # fmt: skip
     while True:
         out = (

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2
 
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ARCSECOND
@@ -126,58 +127,109 @@ def form_tracklets(
     acceleration = settings.largest_acceleration_arcsec_s2 * ARCSECOND * TIME_UNIT_S**2
     fixed = rotate_about_z(angles.direction, rate * angles.time)
     sigma = np.sqrt(np.trace(angles.covariance, axis1=1, axis2=2))
+    least = settings.least_detections
+    limits = gap, fastest, settings.largest_magnitude_difference
     found: list[Indices] = []
     for observer in np.unique(angles.observer).tolist():
         rows = np.flatnonzero(angles.observer == observer)
-        times = angles.time[rows]
-        after = np.searchsorted(times, times, side="right")
-        until = np.searchsorted(times, times + gap, side="right")
-        a, b = rows[index_pairs(after, until)]
-        apart = np.linalg.norm(fixed[b] - fixed[a], axis=1)
-        difference = np.abs(angles.magnitude[b] - angles.magnitude[a])
-        kept = apart <= fastest * (angles.time[b] - angles.time[a])
-        kept &= ~(difference > settings.largest_magnitude_difference)
-        later: dict[int, list[int]] = {}
-        for p, q in zip(a[kept].tolist(), b[kept].tolist(), strict=True):
-            later.setdefault(p, []).append(q)
-        used: set[tuple[int, int]] = set()
-        for p in sorted(later):
-            for q in later[p]:
-                if (p, q) in used:
-                    continue
-                chain = [p, q]
-                while True:
-                    near = [
-                        (offset, each)
-                        for each in later.get(chain[-1], ())
-                        if (
-                            offset := _path_offset(
-                                angles.time, fixed, sigma, acceleration, chain, each
-                            )
-                        )
-                        <= 1
-                    ]
-                    if not near:
-                        break
-                    soonest = min(angles.time[each] for _, each in near)
-                    chain.append(min(n for n in near if angles.time[n[1]] == soonest)[1])
-                used.update((chain[i], each) for i in range(len(chain)) for each in chain[i + 1 :])
-                span = angles.time[chain[-1]] - angles.time[p]
-                for part in np.array_split(chain, max(1, int(np.ceil(span / longest)))):
-                    if part.size >= settings.least_detections:
-                        found.append(part)
+        own = angles.time[rows], fixed[rows], angles.magnitude[rows], sigma[rows]
+        begin, later = _successors(*own[:3], limits)
+        members, size = _chains(*own[:2], own[3], begin, later, acceleration, least)
+        for chain in np.split(rows[members], np.cumsum(size)[:-1]) if size.size else ():
+            span = angles.time[chain[-1]] - angles.time[chain[0]]
+            parts = np.array_split(chain, max(1, int(np.ceil(span / longest))))
+            found += [part for part in parts if part.size >= least]
     return found
 
 
-def _path_offset(time, fixed, sigma, acceleration, chain, row) -> float:
-    """Distance of a detection from the straight path of the first and last of a chain, over the
-    allowance for its curvature and five standard deviations."""
-    p, q = chain[0], chain[-1]
+@njit(cache=True, error_model="numpy")
+def _successors(time, fixed, magnitude, limits):
+    """For each detection of an observer the later ones that form a pair with it: detections
+    ``later[begin[k]:begin[k + 1]]`` of detection k."""
+    gap, fastest, largest_difference = limits
+    n = time.size
+    begin, later, count = np.zeros(n + 1, np.int64), np.empty(max(4 * n, 64), np.int64), 0
+    for p in range(n):
+        for q in range(p + 1, n):
+            if time[q] > time[p] + gap:
+                break
+            span, apart2 = time[q] - time[p], 0.0
+            for c in range(3):
+                apart2 += (fixed[q, c] - fixed[p, c]) ** 2
+            # a magnitude that is unknown differs from none
+            if (
+                span > 0.0
+                and np.sqrt(apart2) <= fastest * span
+                and not abs(magnitude[q] - magnitude[p]) > largest_difference
+            ):
+                if count == later.size:
+                    longer = np.empty(2 * count, np.int64)
+                    longer[:count] = later
+                    later = longer
+                later[count] = q
+                count += 1
+        begin[p + 1] = count
+    return begin, later[:count]
+
+
+@njit_noalloc
+def _path_offset(time, fixed, sigma, acceleration, p, q, row):
+    """Distance of a detection from the straight path of two others, over the allowance for its
+    curvature and five standard deviations."""
     ratio = (time[row] - time[p]) / (time[q] - time[p])
-    expected = fixed[p] + (fixed[q] - fixed[p]) * ratio
+    distance2 = 0.0
+    for c in range(3):
+        expected = fixed[p, c] + (fixed[q, c] - fixed[p, c]) * ratio
+        distance2 += (fixed[row, c] - expected) ** 2
     allowed = 0.5 * acceleration * (time[row] - time[p]) * (time[row] - time[q])
     noise = np.hypot(sigma[row], sigma[p] * abs(1.0 - ratio) + sigma[q] * abs(ratio))
-    return float(np.linalg.norm(fixed[row] - expected) / (allowed + 5.0 * noise))
+    return np.sqrt(distance2) / (allowed + 5.0 * noise)
+
+
+@njit(cache=True, error_model="numpy")
+def _chains(time, fixed, sigma, begin, later, acceleration, least):
+    """Chains of at least `least` detections along straight paths, each from a pair that no chain
+    before contains: their detections, one chain after the other, and their sizes."""
+    used = np.zeros(later.size, np.bool_)
+    members, size = np.empty(max(time.size, 64), np.int64), np.empty(max(time.size, 64), np.int64)
+    chain = np.empty(time.size, np.int64)
+    total = count = 0
+    for p in range(time.size):
+        for start in range(begin[p], begin[p + 1]):
+            if used[start]:
+                continue
+            chain[0], chain[1], n = p, later[start], 2
+            while True:
+                last, best, offset = chain[n - 1], -1, 0.0
+                for k in range(begin[last], begin[last + 1]):
+                    q = later[k]
+                    if best >= 0 and time[q] > time[best]:
+                        break
+                    value = _path_offset(time, fixed, sigma, acceleration, p, last, q)
+                    if value <= 1.0 and (best < 0 or value < offset):
+                        best, offset = q, value
+                if best < 0:
+                    break
+                chain[n] = best
+                n += 1
+            for i in range(n):
+                k = begin[chain[i]]
+                for m in range(i + 1, n):
+                    while k < begin[chain[i] + 1] and later[k] < chain[m]:
+                        k += 1
+                    if k < begin[chain[i] + 1] and later[k] == chain[m]:
+                        used[k] = True
+            if n < least:
+                continue
+            if total + n > members.size or count == size.size:
+                longer = np.empty(2 * (total + n), np.int64)
+                sizes = np.empty(2 * count + 64, np.int64)
+                longer[:total], sizes[:count] = members[:total], size[:count]
+                members, size = longer, sizes
+            members[total : total + n] = chain[:n]
+            size[count] = n
+            total, count = total + n, count + 1
+    return members[:total], size[:count]
 
 
 def attributables(
@@ -212,81 +264,94 @@ def attributables(
     ConfigurationError
         If a tracklet has detections of several observers or at fewer than two different times.
     """
-    before = {} if known is None else {tuple(d.tolist()): k for k, d in enumerate(known.detections)}
-    found = []
-    for rows in map(np.sort, tracklets):
-        k = before.get(tuple(rows.tolist()))
-        found.append(
-            _attributable(angles, rows, rate, degree) if k is None else [each[k] for each in known]
-        )
-    order = sorted(range(len(found)), key=lambda k: (found[k][0], found[k][1]))
+    sets = [np.sort(np.asarray(rows, dtype=np.int64)) for rows in tracklets]
+    before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}
+    at = np.array([before.get(rows.tobytes(), -1) for rows in sets], dtype=np.int64)
+    size = np.array([rows.size for rows in sets], dtype=np.int64)
     shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), (), (), ())
     columns = [
-        np.array([found[k][c] for k in order], dtype=np.int64 if c == 1 else float)
-        for c in range(len(shapes))
+        np.empty((len(sets), *shape), dtype=np.int64 if c == 1 else float)
+        for c, shape in enumerate(shapes)
     ]
-    columns = [each.reshape(-1, *shape) for each, shape in zip(columns, shapes, strict=True)]
-    return Attributables(*columns, tuple(found[k][-1] for k in order))
+    parts = [(np.flatnonzero(at >= 0), None if known is None else known[:-1])]
+    for each in np.unique(size[at < 0]).tolist():
+        own = np.flatnonzero((at < 0) & (size == each))
+        parts.append((own, _of_equal_size(angles, np.array([sets[k] for k in own]), rate, degree)))
+    for own, values in parts:
+        if own.size:
+            for column, value in zip(columns, values, strict=True):
+                column[own] = value[at[own]] if at[own[0]] >= 0 else value
+    order = np.lexsort((columns[1], columns[0]))
+    return Attributables(*(each[order] for each in columns), tuple(sets[k] for k in order.tolist()))
 
 
-def _attributable(angles: Angles, rows: Indices, rate: float, degree: int | None) -> tuple:
-    times, owners = angles.time[rows], np.unique(angles.observer[rows])
-    if owners.size != 1 or np.unique(times).size < 2:
+def _of_equal_size(angles: Angles, rows: Indices, rate: float, degree: int | None) -> tuple:
+    """Columns of the attributables of tracklets of the same number of detections, `rows` (tracklet,
+    detection)."""
+    times, owners = angles.time[rows], angles.observer[rows]
+    distinct = 1 + np.count_nonzero(np.diff(times, axis=1) > 0.0, axis=1)
+    mixed = np.any(owners != owners[:, :1], axis=1)
+    for k in np.flatnonzero(mixed | (distinct < 2)).tolist():
         raise ConfigurationError(
-            f"a tracklet of rows {rows.tolist()} has {owners.size} observers and "
-            f"{np.unique(times).size} times; it needs one observer and two different times"
+            f"a tracklet of rows {rows[k].tolist()} has {np.unique(owners[k]).size} observers and "
+            f"{distinct[k]} times; it needs one observer and two different times"
         )
-    weight = 1.0 / np.trace(angles.covariance[rows], axis1=1, axis2=2)
-    middle = float(weight @ times / weight.sum())
-    since = times - middle
+    weight = 1.0 / np.trace(angles.covariance[rows], axis1=2, axis2=3)
+    middle = np.sum(weight * times, axis=1) / np.sum(weight, axis=1)
+    since = times - middle[:, None]
     directions, positions = (
         rotate_about_z(each[rows], rate * since)
         for each in (angles.direction, angles.observer_position)
     )
-    mean = weight @ directions
-    mean /= np.linalg.norm(mean)
+    mean = np.einsum("tn,tnc->tc", weight, directions)
+    mean /= np.linalg.norm(mean, axis=1)[:, None]
     tangents = tangent_basis(mean)
     # an offset by the unit error vectors, projected to the plane at the mean direction
-    errors = rotate_about_z(angles.basis[rows], rate * since[:, None])
-    along = directions @ mean
-    offset = directions @ tangents.T / along[:, None]
-    mixed = np.einsum("ac,nbc->nab", tangents, errors) - np.einsum(
-        "na,nb->nab", offset, errors @ mean
-    )
-    mixed /= along[:, None, None]
-    noise = mixed @ angles.covariance[rows] @ mixed.swapaxes(1, 2)
-    scaled = since / np.abs(since).max()
+    errors = rotate_about_z(angles.basis[rows], rate * since[:, :, None])
+    along = np.einsum("tnc,tc->tn", directions, mean)
+    offset = np.einsum("tnc,tac->tna", directions, tangents) / along[:, :, None]
+    outward = np.einsum("tnbc,tc->tnb", errors, mean)
+    turned = np.einsum("tac,tnbc->tnab", tangents, errors) - offset[..., None] * outward[:, :, None]
+    turned /= along[:, :, None, None]
+    noise = turned @ angles.covariance[rows] @ turned.swapaxes(2, 3)
+    largest = np.abs(since).max(axis=1)
+    scaled = since / largest[:, None]
 
-    def fitted(order: int) -> tuple[Array, float]:
-        design = np.vander(scaled, order + 1, increasing=True)
-        estimator = np.linalg.solve(
-            (weight[:, None] * design).T @ design, (weight[:, None] * design).T
-        )
-        left = offset - design @ (estimator @ offset)
-        return estimator, float(np.einsum("na,nab,nb", left, np.linalg.inv(noise), left))
+    def fitted(order: int, which: Indices) -> tuple[Array, Array]:
+        """Estimators of the first two coefficients, and chi squared."""
+        design = scaled[which, :, None] ** np.arange(order + 1)
+        weighted = (weight[which, :, None] * design).swapaxes(1, 2)
+        estimator = np.linalg.solve(weighted @ design, weighted)
+        left = offset[which] - design @ (estimator @ offset[which])
+        inverse = np.linalg.inv(noise[which])
+        return estimator[:, :2], np.einsum("tna,tnab,tnb->t", left, inverse, left)
 
-    best = fitted(1 if degree is None else degree)
-    if degree is None and np.unique(times).size >= 4:
-        curved = fitted(2)
-        best = curved if best[1] - curved[1] > _CURVATURE_CHI_SQUARED else best
-    estimator = best[0][:2].copy()
-    estimator[1] /= np.abs(since).max()
-    shift, drift = estimator @ offset @ tangents
-    position, velocity = estimator @ positions
+    estimator, chi_squared = fitted(1 if degree is None else degree, np.arange(len(rows)))
+    many = np.flatnonzero(distinct >= 4)
+    if degree is None and many.size:
+        curved = fitted(2, many)
+        better = np.flatnonzero(chi_squared[many] - curved[1] > _CURVATURE_CHI_SQUARED)
+        estimator[many[better]], chi_squared[many[better]] = (each[better] for each in curved)
+    estimator[:, 1] /= largest[:, None]
+    shift, drift = np.moveaxis(estimator @ offset @ tangents, 1, 0)
+    position, velocity = np.moveaxis(estimator @ positions, 1, 0)
     unit = mean + shift
-    length = np.linalg.norm(unit)
+    length = np.linalg.norm(unit, axis=1)[:, None]
     unit /= length
     motion = drift / length
-    motion -= (motion @ unit) * unit
+    motion -= np.sum(motion * unit, axis=1)[:, None] * unit
     basis = tangent_basis(unit)
-    covariance = np.einsum("in,nab,jn->iajb", estimator, noise, estimator).reshape(4, 4)
-    change = np.kron(np.eye(2), basis @ tangents.T / length)
-    bright = angles.magnitude_variance[rows]
-    known = np.isfinite(bright) & np.isfinite(angles.magnitude[rows])
+    covariance = np.einsum("tin,tnab,tjn->tiajb", estimator, noise, estimator).reshape(-1, 4, 4)
+    turn = basis @ tangents.swapaxes(1, 2) / length[:, None]
+    change = np.zeros_like(covariance)
+    change[:, :2, :2] = change[:, 2:, 2:] = turn
+    bright, magnitude = angles.magnitude_variance[rows], angles.magnitude[rows]
+    known = np.isfinite(bright) & np.isfinite(magnitude)
     share = np.where(known, 1.0 / np.where(known, bright, 1.0), 0.0)
-    total = share.sum()
-    magnitude = share[known] @ angles.magnitude[rows][known] / total if total else np.nan
+    total = share.sum(axis=1)
+    total[total == 0.0] = np.nan
     return (
-        middle, int(owners[0]), position, velocity, unit, motion, basis,
-        change @ covariance @ change.T, magnitude, total**-0.5 if total else np.nan, best[1], rows,
+        middle, owners[:, 0], position, velocity, unit, motion, basis,
+        change @ covariance @ change.swapaxes(1, 2),
+        np.sum(share * np.where(known, magnitude, 0.0), axis=1) / total, total**-0.5, chi_squared,
     )  # fmt: skip

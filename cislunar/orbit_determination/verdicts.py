@@ -41,7 +41,7 @@ class VerdictSettings(Section):
         default=1e-4)
     undetermined_share: number(gt=0, lt=1) = setting(
         "standard deviation, relative to that of the admissible region, from which a direction of "
-        "state space is undetermined", "1", default=0.08)
+        "state space is undetermined", "1", default=0.06)
     undetermined_range_share: number(gt=0, lt=1) = setting(
         "standard deviation of the range, relative to the range, from which it is undetermined",
         "1", default=0.1)

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
@@ -283,26 +284,7 @@ class SearchPlanner:
         steps = self._steps(direction[:, None], direction)
         here = self._pointing[o]
         start = np.ones_like(every) if here is None else self._steps(here, direction)
-        tour, length, left = every[:0], 0, np.ones(fields.size, dtype=bool)
-        while True:
-            before = np.roll(tour, 1)
-            added = steps[before] + steps[:, tour].T - steps[before, tour][:, None]
-            if tour.size < 2:
-                added = 2 * steps[tour] - length if tour.size else steps[every, every][None]
-            at = np.argmin(added, axis=0)
-            added = added[at, every]
-            left &= length + added <= self.round_steps
-            if not left.any():
-                return fields[tour]
-            # a field on the way takes no more time than its exposure, at least one step
-            new = int(np.argmax(np.where(left, worth / np.maximum(added, 1), -1.0)))
-            left[new] = False
-            trial, total = np.insert(tour, at[new], new), length + int(added[new])
-            # a round begins with the field that the telescope reaches so that all are in time
-            ends = start[trial] + total - steps[np.roll(trial, 1), trial]
-            first = int(np.argmin(ends))
-            if ends[first] <= self.round_steps:
-                tour, length = np.roll(trial, -first), total
+        return fields[_tour(steps, start, worth, self.round_steps)]
 
     def _timed(self, chosen: list[Indices]) -> Visits:
         """Steps of all visits: rounds begin at equal times, each in the same order."""
@@ -352,6 +334,48 @@ class SearchPlanner:
         free = np.isfinite(seen.margin[o])
         near = np.unique(self.grids[o].field_of(seen.ra[o, free], seen.dec[o, free]))
         return self._route(o, near)
+
+
+@njit(cache=True, error_model="numpy")
+def _tour(steps, start, worth, most):
+    """Order of the fields of `SearchPlanner._route`: `steps` (field, field) from one to another,
+    `start` (field,) from the present direction, at most `most` in all."""
+    n = worth.size
+    left, tour, trial = np.ones(n, np.bool_), np.empty(n, np.int64), np.empty(n, np.int64)
+    size = length = 0
+    while True:
+        new, place, extra, best = -1, 0, 0, -1.0
+        for m in range(n):
+            if not left[m]:
+                continue
+            added, at = steps[m, m], 0
+            if size == 1:
+                added = 2 * steps[tour[0], m] - length
+            for i in range(size if size > 1 else 0):
+                before, after = tour[i - 1 if i else size - 1], tour[i]
+                more = steps[before, m] + steps[m, after] - steps[before, after]
+                if i == 0 or more < added:
+                    added, at = more, i
+            left[m] = length + added <= most
+            # a field on the way takes no more time than its exposure, at least one step
+            value = worth[m] / max(added, 1)
+            if left[m] and value > best:
+                new, place, extra, best = m, at, added, value
+        if new < 0:
+            return tour[:size].copy()
+        left[new] = False
+        trial[:place], trial[place] = tour[:place], new
+        trial[place + 1 : size + 1] = tour[place:size]
+        # a round begins with the field that the telescope reaches so that all are in time
+        first, least = 0, 0
+        for i in range(size + 1):
+            end = start[trial[i]] + length + extra - steps[trial[i - 1 if i else size], trial[i]]
+            if i == 0 or end < least:
+                first, least = i, end
+        if least <= most:
+            size, length = size + 1, length + extra
+            for i in range(size):
+                tour[i] = trial[(first + i) % size]
 
 
 def _mass_ratio(primaries: Array) -> float:
