@@ -9,7 +9,7 @@ from astropy.coordinates import EarthLocation
 from astropy.time import Time
 from astropy.utils import iers
 
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics import (
     CR3BP,
     EARTH_MOON,
@@ -435,3 +435,13 @@ def test_bad_input_is_refused_in_one_line():
     with pytest.raises(ConfigurationError, match="two different times"):
         attributables(angles, [np.array([1])])
     assert attributables(angles, []).time.size == 0
+
+
+def test_polar_orbits_about_the_earth_are_admissible_and_wide_retrograde_ones_are_not():
+    # the Jacobi constant of a circular orbit is 1/a + 2 sqrt(a) cos(i), but for the Moon
+    for a, inclination, admissible in ((0.9, 90.0, True), (1.6, 90.0, True), (0.9, 180.0, False)):
+        speed, angle = np.sqrt((1.0 - MU) / a), np.deg2rad(inclination)
+        state = np.array([0.0, a, 0.0, -speed * np.cos(angle), 0.0, speed * np.sin(angle)])
+        state += np.array([-MU, 0.0, 0.0, a, 0.0, 0.0])
+        found = is_admissible(state[None], 0.0, EARTH_MOON, AdmissibleRegion())
+        assert found.tolist() == [admissible]

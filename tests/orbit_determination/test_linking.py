@@ -4,10 +4,11 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from nights import HOUR, OBJECTS, SIGMA, night
 from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_normal
 
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics import EARTH_MOON, propagate
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import (
@@ -19,7 +20,6 @@ from cislunar.orbit_determination import (
     Angles,
     ConfirmationRule,
     LinkingSettings,
-    TrackletSettings,
     attributables,
     attribution,
     fit_orbits,
@@ -38,39 +38,7 @@ from cislunar.orbit_determination.hypotheses import LinkHypotheses
 from cislunar.orbit_determination.initial_orbits import is_plausible
 from cislunar.orbit_determination.least_squares import SINGULAR
 
-SIGMA = np.pi / 648_000.0
-HOUR = 3600.0 / TIME_UNIT_S
-OBJECTS = np.array(
-    [[1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0], [1.05, 0.1, 0.0, 0.0, -0.4, 0.02],
-     [0.82, 0.0, 0.05, 0.0, 0.15, 0.0], [0.5, 0.8, 0.05, 0.0, 0.0, 0.1]]
-)  # fmt: skip
-OBSERVERS = np.array(
-    [[0.92, 0.0, 0.0, 0.0, 0.501, 0.0], [0.85, 0.1, 0.17, 0.0, 0.26, 0.0],
-     [1.15, -0.1, 0.1, 0.0, -0.2, 0.0]]
-)  # fmt: skip
 LOG_CLUTTER = np.log(1.0 / np.deg2rad(3.0) ** 2)
-
-
-def night(objects, hours, alarms, seed, visits=(0.0, 10.0)):
-    """Detections of objects by all observers, at some hours and some minutes; false alarms
-    within three degrees of the objects; and the origins."""
-    rng, rows = np.random.default_rng(seed), []
-    for hour in hours:
-        for number, observer in enumerate(OBSERVERS):
-            for visit in visits:
-                t = (hour + (visit + 3.0 * number) / 60.0) * HOUR
-                here = propagate(observer, [t], method="dop853")[0, :3]
-                for origin, state in enumerate(objects):
-                    way = propagate(state, [t], method="dop853")[0, :3] - here
-                    unit = way / np.linalg.norm(way)
-                    rows.append([t, number, origin, *here, *(unit + SIGMA * rng.normal(size=3))])
-                    for _ in range(rng.poisson(alarms)):
-                        off = unit + np.deg2rad(1.5) * rng.uniform(-1.0, 1.0, 3)
-                        rows.append([t, number, -1, *here, *off])
-    table = np.array(rows)
-    table = table[np.argsort(table[:, 0], kind="stable")]
-    angles = make_angles(table[:, 0], table[:, 1].astype(int), table[:, 3:6], table[:, 6:], SIGMA)
-    return angles, table[:, 2].astype(int)
 
 
 def linked(angles, **given):
@@ -207,41 +175,6 @@ def test_long_orbits_are_compared_by_some_tracklets_from_the_first_to_the_last()
     assert max(np.diff(few)) < 2 * 1998 / 7
 
 
-def test_three_detections_suppress_false_tracklets():
-    angles, origin = night(OBJECTS[:2], [0.0, 2.0], 8.0, 6, visits=(0.0, 6.0, 12.0))
-    pairs = form_tracklets(angles)
-    triples = form_tracklets(angles, TrackletSettings(least_detections=3))
-    right = [rows for rows in triples if np.all(origin[rows] == origin[rows[0]])]
-    assert len(right) == 2 * 2 * len(OBSERVERS)  # objects, hours
-    assert [rows.tolist() for rows in triples] == [r.tolist() for r in pairs if len(r) >= 3]
-    false = [sum(np.any(origin[rows] < 0) for rows in each) for each in (pairs, triples)]
-    assert false[0] > 10 and false[1] < 0.1 * false[0]
-    with pytest.raises(ConfigurationError, match="least_detections"):
-        TrackletSettings(least_detections=1)
-
-
-def test_long_tracklets_are_divided():
-    angles, _ = night(OBJECTS[:1], [0.0], 0.0, 7, visits=np.arange(0.0, 300.0, 10.0))
-    long = form_tracklets(angles, TrackletSettings(largest_span_min=600))
-    parts = form_tracklets(angles)
-    assert [rows.size for rows in long] == [30] * len(OBSERVERS)
-    assert np.concatenate(parts).tolist() == np.concatenate(long).tolist()
-    spans = [np.ptp(angles.time[rows]) / HOUR for rows in parts]
-    assert len(parts) == 3 * len(OBSERVERS) and min(spans) > 1.4 and max(spans) <= 2.0
-
-
-def test_attributables_are_continued():
-    angles, _ = night(OBJECTS[:2], [0.0, 2.0], 1.0, 9)
-    early = angles.rows(np.arange(np.count_nonzero(angles.time < 1.0 * HOUR)))
-    first = attributables(early, form_tracklets(early))
-    formed = form_tracklets(angles)
-    assert 2 <= first.time.size < len(formed)
-    again, anew = attributables(angles, formed, known=first), attributables(angles, formed)
-    for continued, whole in zip(again[:-1], anew[:-1], strict=True):
-        np.testing.assert_array_equal(continued, whole)
-    assert [d.tolist() for d in again.detections] == [d.tolist() for d in anew.detections]
-
-
 def test_an_object_may_pass_by_an_observer():
     angles, origin = night(OBJECTS[:1], [0.0, 2.0], 0.0, 8)
     fits = fit_orbits(angles, [np.arange(origin.size)], OBJECTS[:1], 0.0)
@@ -362,12 +295,13 @@ def test_the_separation_of_observers_is_uniform_for_one_object_and_rejects_two()
     assert separation_probability(fit, angles, forces=EARTH_MOON).tolist() == [1.0]
 
 
+@pytest.mark.parametrize("seed", range(9, 29))
 @pytest.mark.parametrize("apart_km", [100.0, 10.0])
-def test_neighbors_on_one_orbit_are_separated_or_one_and_never_wrong(apart_km):
+def test_neighbors_on_one_orbit_are_separated_or_one_and_never_wrong(apart_km, seed):
     speed = np.linalg.norm(OBJECTS[0, 3:])
     later = propagate(OBJECTS[0], [apart_km / LENGTH_UNIT_KM / speed], method="dop853")[0]
     twins = np.array([OBJECTS[0], later])
-    angles, origin = night(twins, [0.0, 2.0, 5.0], 0.2, 9)
+    angles, origin = night(twins, [0.0, 2.0, 5.0], 0.2, seed)
     found = linked(angles)
     confirmed = np.flatnonzero(found.confirmed)
     assert confirmed.size == 2 or (apart_km < 50.0 and confirmed.size == 1)
