@@ -7,6 +7,7 @@ which is that of the hand-over (`cislunar.survey.hand_over`). The method is that
 used.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +68,7 @@ def characterize_orbits(
     body: TargetSurfaces,
     settings: CharacterizationSettings,
     seed: int,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[CharacterizedOrbit, ...]:
     """Characterize the objects of the confirmed orbits that are bright enough.
 
@@ -83,6 +85,8 @@ def characterize_orbits(
     settings : CharacterizationSettings
     seed : int
         Of the random starts of the searches.
+    progress : callable, optional
+        Called with (orbits done, all confirmed orbits).
 
     Returns
     -------
@@ -95,17 +99,18 @@ def characterize_orbits(
     found, rate = [], settings.angular_velocity_sigma_deg_h
     model = unknown_rotation_model(body, uniform_attitude_sigma(), rate)
     effort = {"searches": settings.searches, "largest_error": settings.largest_period_error}
-    for k in np.flatnonzero(orbits.confirmed).tolist():
+    confirmed = np.flatnonzero(orbits.confirmed).tolist()
+    for done, k in enumerate(confirmed, start=1):
         row, data = light_curve(orbits, k, angles, scene)
-        if row.size < settings.least_detections:
-            continue
-        noise = float(np.sqrt(np.median(angles.magnitude_variance[row])))
-        if noise > settings.largest_noise_mag:
-            continue
-        rng = generator(seed, "characterization", k)
-        period = spin_period(data, model, rng, **effort)
-        brightness = measured_brightness(data, model.irradiance_4pi, rng)
-        found.append(CharacterizedOrbit(k, row, data, noise, *period, *brightness))
+        if row.size >= settings.least_detections:
+            noise = float(np.sqrt(np.median(angles.magnitude_variance[row])))
+            if noise <= settings.largest_noise_mag:
+                rng = generator(seed, "characterization", k)
+                period = spin_period(data, model, rng, **effort)
+                brightness = measured_brightness(data, model.irradiance_4pi, rng)
+                found.append(CharacterizedOrbit(k, row, data, noise, *period, *brightness))
+        if progress is not None:
+            progress(done, len(confirmed))
     return tuple(found)
 
 

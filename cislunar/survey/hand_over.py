@@ -22,6 +22,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.orbit_determination import LinkedOrbits, orbits_at
 from cislunar.runtime.arguments import number_of
+from cislunar.survey.settings import ANGULAR_VELOCITY_SIGMA_DEG_H
 
 
 class HandOver(NamedTuple):
@@ -55,7 +56,7 @@ def hand_over(
     time: float,
     *,
     forces: tuple,
-    angular_velocity_sigma_deg_h: float = 30.0,
+    angular_velocity_sigma_deg_h: float = ANGULAR_VELOCITY_SIGMA_DEG_H,
 ) -> HandOver:
     """Confirmed orbits of a catalog as initial estimates of the tracking loop.
 

@@ -246,6 +246,8 @@ class SearchPlanner:
 
     def _brightness_worth(self, o: int, count: Indices) -> Array:
         """Worth of a further magnitude of orbits with a number of detections, equation (3)."""
+        if self.settings.characterization_worth == 0.0:
+            return np.zeros(count.size)
         ratio = self.magnitude_sigma**2 / self.limits.noise_variance[o, 0]
         known = np.minimum(ratio, _ROTATION / np.maximum(count, 1))
         return self.settings.characterization_worth * 0.5 * np.log1p(known)

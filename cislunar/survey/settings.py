@@ -134,6 +134,10 @@ class QualitySettings(Section):
     # fmt: on
 
 
+ANGULAR_VELOCITY_SIGMA_DEG_H = 45.0
+"""Assumed for new objects; that of simulated objects is smaller (`TrueObjects`)."""
+
+
 class CharacterizationSettings(Section):
     """Spin period, amplitude, and area times albedo of cataloged objects at the end of a survey."""
 
@@ -147,7 +151,7 @@ class CharacterizationSettings(Section):
         "mag", default=0.2)
     angular_velocity_sigma_deg_h: Positive = setting(
         "assumed standard deviation of each component of the angular velocity, whose mean is zero",
-        "deg/h", default=30)
+        "deg/h", default=ANGULAR_VELOCITY_SIGMA_DEG_H)
     searches: Count = setting("independent searches for the spin period of an object", "1",
         default=4)
     largest_period_error: Positive = setting(

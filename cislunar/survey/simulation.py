@@ -121,7 +121,8 @@ def run_survey(
     body : TargetSurfaces, optional
         Assumed body of all objects, its first, for their characterization.
     progress : callable, optional
-        Called with (blocks done, all blocks).
+        Called with (blocks done, all blocks), and at the end with the same numbers to which the
+        orbits that have been and that are to be characterized are added.
     record : callable, optional
         Called with the exposures of each block, their detections, the truth, and the catalog.
 
@@ -145,7 +146,7 @@ def run_survey(
         survey.advance(block)
         if progress is not None:
             progress(block + 1, survey.n_blocks)
-    return survey.result()
+    return survey.result(progress)
 
 
 class _Block(NamedTuple):
@@ -366,7 +367,7 @@ class _Survey:
         self.cataloged = np.where(holds, np.minimum(self.cataloged, day), np.inf)
         return CatalogRecord(orbits, table["object"].to_numpy(np.int64), self.catalog.maneuvers)
 
-    def result(self) -> SurveyResult:
+    def result(self, progress: Callable[[int, int], None] | None) -> SurveyResult:
         """Tables of the survey."""
         origin, angles = np.concatenate(self.origin), self.catalog.angles
         first = np.full(self.cataloged.size, np.inf)
@@ -377,12 +378,12 @@ class _Survey:
             {"object": np.arange(first.size), "tracklets": self.tracklets, "detected": first,
              "cataloged": self.cataloged, "outside": self.outside}
         )  # fmt: skip
-        found, orbits = self._characterized(angles, origin), self.catalog.orbits
+        found, orbits = self._characterized(angles, origin, progress), self.catalog.orbits
         states, table = pd.DataFrame(self.states), pd.concat(self.orbits, ignore_index=True)
         return SurveyResult(states, table, objects, orbits, found)
 
     def _characterized(
-        self, angles: Angles, origin: Indices
+        self, angles: Angles, origin: Indices, progress: Callable[[int, int], None] | None
     ) -> tuple[CharacterizedOrbit, ...] | None:
         """What the light curves of the catalog tell, and its comparison with the truth in the last
         state."""
@@ -390,7 +391,9 @@ class _Survey:
         if settings.least_detections == 0:
             return None
         given = self.catalog.orbits, angles, self.scene, self.body, settings, self.seed
-        found = characterize_orbits(*given)
+        before = self.n_blocks
+        each = progress and (lambda done, total: progress(before + done, before + total))
+        found = characterize_orbits(*given, each)
         truth = world.first_attitude, world.first_rate, world.truth.surfaces
         attitude = world.attitudes()[: origin.size]
         self.states[-1] |= characterization_quality(found, origin, attitude, *truth)._asdict()

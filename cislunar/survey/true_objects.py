@@ -22,6 +22,9 @@ Indices = NDArray[np.int64]
 _BLOCKS_KEPT = 12
 """Blocks between two times whose true states are kept."""
 
+_SPIN_SIGMA = np.deg2rad(30.0) / 3600.0
+"""Standard deviation of each component of the angular velocity at the start, rad/s."""
+
 
 class TrueObjects:
     """The truth of a survey, of which the estimation side gets detections alone.
@@ -84,7 +87,7 @@ class TrueObjects:
         exists = drawn.start_s >= self.appears_s[drawn.target]
         # attitudes are uniform, and unknown to the estimation side
         turns = Rotation.random(ids.size, random_state=generator(seed, "attitude")).as_quat()
-        spin = generator(seed, "spin").standard_normal((ids.size, 3)) * np.deg2rad(30.0) / 3600.0
+        spin = generator(seed, "spin").standard_normal((ids.size, 3)) * _SPIN_SIGMA
         self.first_attitude, self.first_rate = turns, spin
         self.motion = TrueMotion(
             InitialEstimate(turns, spin, states, np.zeros(12)),

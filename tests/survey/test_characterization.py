@@ -144,7 +144,9 @@ def test_confirmed_orbits_of_bright_objects_are_characterized_and_compared_with_
     period_h = 9.0
     given = *cataloged(made_up(period_h)), ASSUMED
     settings = CharacterizationSettings(least_detections=40)
-    (found,) = characterize_orbits(*given, settings, 5)
+    reports = []
+    (found,) = characterize_orbits(*given, settings, 5, lambda *each: reports.append(each))
+    assert reports == [(1, 1)]
     assert found.orbit == 0 and found.determined and found.spin_period_h.contains(period_h)
     assert found.noise_mag == pytest.approx(NOISE)
     (again,) = characterize_orbits(*given, settings, 5)

@@ -86,7 +86,13 @@ def test_objects_are_characterized_at_the_end_without_the_truth(result, monkeypa
     with pytest.raises(ConfigurationError, match="body is omitted"):
         surveyed(settings=settings)
     assert result.characterized is None and "bright" not in result.states
-    found = surveyed(settings=settings, body=PROBLEM.surfaces)
+    reports = []
+    found = surveyed(
+        settings=settings, body=PROBLEM.surfaces, progress=lambda *each: reports.append(each)
+    )
+    blocks, orbits = round(3 * HOURS), np.count_nonzero(found.linked.confirmed)
+    assert reports[blocks - 1] == (blocks, blocks) and len(reports) == blocks + orbits
+    assert reports[-1] == (blocks + orbits, blocks + orbits)
     assert found.orbits.equals(result.orbits)
     same = list(result.states)
     assert found.states[same].equals(result.states)

@@ -26,7 +26,7 @@ with job(snakemake.log, snakemake.threads):
         params.settings,
         propagator=params.propagator,
         seed=params.seed,
-        progress=progress_log("blocks of the survey"),
+        progress=progress_log("blocks of the survey and light curves"),
         recorded=recorded,
     )
     if recorded is None:
