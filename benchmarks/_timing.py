@@ -1,6 +1,9 @@
 """Measure the time of an action, in the same way for all benchmarks."""
 
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Mapping
+from subprocess import Popen
 from time import perf_counter, process_time
 
 
@@ -28,3 +31,13 @@ def alternated(actions: dict[str, Callable[[], object]], rounds: int) -> dict[st
             if counted:
                 times[name] = min(times[name], process_time() - start)
     return times
+
+
+def process_time_of(command: list[str], environment: Mapping[str, str], folder: str) -> float:
+    """Processor time of a command that runs in a folder, s; ends the program if it fails."""
+    process = Popen(command, env=environment, cwd=folder)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        sys.exit(f"{' '.join(command)}: exit code {process.returncode}")
+    return used.ru_utime + used.ru_stime

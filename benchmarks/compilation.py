@@ -11,8 +11,9 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from subprocess import Popen
 from typing import NamedTuple
+
+from _timing import process_time_of
 
 HERE = Path(__file__).resolve().parents[1]
 LOAD = "from cislunar.campaign.kernels import KERNEL_SETS; KERNEL_SETS[{!r}].load()"
@@ -35,12 +36,7 @@ def processor_time(folder: Path, name: str, cache: str) -> float:
     """Processor time of a process that loads a set of kernels of the library in a folder, s."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": cache}
     # outside of the folder of this script, which Python would search first
-    process = Popen([sys.executable, "-c", LOAD.format(name)], env=environment, cwd=cache)
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        sys.exit(f"{name}: exit code {process.returncode} in {folder}")
-    return used.ru_utime + used.ru_stime
+    return process_time_of([sys.executable, "-c", LOAD.format(name)], environment, cache)
 
 
 def cost(folder: Path, name: str) -> Cost:

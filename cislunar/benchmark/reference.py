@@ -40,8 +40,8 @@ from cislunar.survey import LineageSettings, SurveyCatalog
 
 Array = NDArray[np.float64]
 
-REFERENCE_METHODS = ("ours", "nearest-neighbor")
-"""`ours`: `cislunar.survey.SurveyCatalog`; `nearest-neighbor`: `NearestNeighborCatalog`."""
+REFERENCE_METHODS = ("survey-catalog", "nearest-neighbor")
+"""Of `cislunar.survey.SurveyCatalog` and of `NearestNeighborCatalog`."""
 
 STATES = "states.oem"
 
@@ -103,7 +103,7 @@ def _scene(
 def write_reference(
     folder: str | Path,
     output: str | Path,
-    method: str = "ours",
+    method: str = "survey-catalog",
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
@@ -138,7 +138,7 @@ def write_reference(
     public, forces = read_public_data(folder, scenario), scenario.forces()
     catalog = (
         _ConfirmedOrbits(scenario, forces, public)
-        if method == "ours"
+        if method == "survey-catalog"
         else NearestNeighborCatalog(scenario, forces)
     )
     replay = _Replay(catalog, scenario, public, forces)

@@ -12,7 +12,7 @@ def benchmark() -> None:
     \b
     Examples:
       cislunar benchmark make small
-      cislunar benchmark reference small --method ours --output mine
+      cislunar benchmark reference small --method survey-catalog --output mine
       cislunar benchmark score mine --truth small
     """
 
@@ -48,8 +48,8 @@ def make(folder: str, size: str, seed: int | None) -> None:
 @click.argument("folder", metavar="DIR")
 @click.option(
     "--method",
-    type=click.Choice(["ours", "nearest-neighbor"]),
-    default="ours",
+    type=click.Choice(["survey-catalog", "nearest-neighbor"]),
+    default="survey-catalog",
     show_default=True,
     help="Catalog of a survey of this library, or the simple baseline.",
 )

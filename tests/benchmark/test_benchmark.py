@@ -77,7 +77,7 @@ def references(made, tmp_path_factory):
     """Both references, made where there is no truth."""
     folder = tmp_path_factory.mktemp("references")
     public = shutil.copytree(made, folder / "public", ignore=shutil.ignore_patterns("truth"))
-    for method in ("ours", "nearest-neighbor"):
+    for method in ("survey-catalog", "nearest-neighbor"):
         done = call("reference", public, "--method", method, "--output", folder / method)
         assert done.exit_code == 0, done.stderr
     return folder
@@ -190,17 +190,17 @@ def test_the_same_detections_and_observers_are_in_other_formats(made):
 
 def test_references_need_no_truth_and_find_objects(made, references):
     scores = {name: score_submission(references / name, made).iloc[-1]
-              for name in ("ours", "nearest-neighbor")}  # fmt: skip
+              for name in ("survey-catalog", "nearest-neighbor")}  # fmt: skip
     for score in scores.values():
         assert score["findable"] >= 2 and score["assigned"] >= 1
         assert score["purity"] >= 0.9 and 0.0 < score["latency_median_h"] <= 6.0
-    ours = scores["ours"]
-    assert ours["completeness"] >= 0.5 and ours["purity"] == 1.0 and ours["false"] == 0
-    assert ours["anees_ballistic"] < 4.0  # the references model no maneuvers
+    linked = scores["survey-catalog"]
+    assert linked["completeness"] >= 0.5 and linked["purity"] == 1.0 and linked["false"] == 0
+    assert linked["anees_ballistic"] < 4.0  # the references model no maneuvers
 
 
 def test_a_score_of_the_command_has_a_table_and_a_figure(made, references, tmp_path):
-    done = call("score", references / "ours", "--truth", made, "--output", tmp_path)
+    done = call("score", references / "survey-catalog", "--truth", made, "--output", tmp_path)
     assert done.exit_code == 0, done.stderr
     assert "completeness" in done.stdout and "2027-03-01T06:00:00Z" in done.stdout
     table = pd.read_csv(tmp_path / "score.csv")
@@ -249,12 +249,12 @@ def test_gospa_of_a_score_is_that_of_stone_soup(made, truth, references):
     from stonesoup.types.state import State
 
     scenario, now = read_scenario(made), datetime(2030, 1, 1)
-    found = [each.state[-1, :3] for each in read_oem(references / "ours" / "states.oem")]
+    found = [each.state[-1, :3] for each in read_oem(references / "survey-catalog" / "states.oem")]
     true = truth["state"].values[:, -1, :3]
     peer = metric.GOSPAMetric(p=2, c=CUTOFF_KM)
     states = [[State(each, timestamp=now) for each in group] for group in (found, true)]
     value = peer.compute_gospa_metric(*states)[0].value
-    last = score_submission(references / "ours", made).iloc[-1]
+    last = score_submission(references / "survey-catalog", made).iloc[-1]
     assert len(found) == last["catalog"] and scenario.scoring_tdb.size == 2
     assert last["gospa_km"] == pytest.approx(value["distance"], rel=1e-6)
 
@@ -401,7 +401,7 @@ def test_an_empty_submission_is_refused(made, tmp_path):
 
 def test_a_truth_that_was_opened_or_changed_is_noticed(copy, references):
     def wrong(words):
-        done = call("score", references / "ours", "--truth", copy)
+        done = call("score", references / "survey-catalog", "--truth", copy)
         assert done.exit_code == 2 and words in done.stderr
         assert done.stderr.count("\n") <= 1 + done.stderr.count("%")
 
@@ -438,7 +438,7 @@ def test_impossible_arguments_are_refused(made, tmp_path):
     ):
         with pytest.raises(CislunarError, match=words):
             make_benchmark(*given)
-    with pytest.raises(ConfigurationError, match="must be one of ours"):
+    with pytest.raises(ConfigurationError, match="must be one of survey-catalog"):
         write_reference(made, tmp_path / "new", "best")
     with pytest.raises(CislunarError, match="not an empty folder"):
         write_reference(made, made)
