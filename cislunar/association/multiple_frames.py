@@ -234,18 +234,30 @@ def set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
     ndarray of int
         Indices of the chosen hypotheses.
     """
-    items: dict[tuple[str, int], int] = {}
-    entries = []
-    for k, (own, detections) in enumerate(zip(track.tolist(), sets, strict=True)):
-        used = [("track", own), *(("detection", int(d)) for d in detections)]
-        entries += [(items.setdefault(item, len(items)), k) for item in used]
-    row, column = np.array(entries).T
-    matrix = csr_array((np.ones(row.size), (row, column)), shape=(len(items), score.size))
+    number = np.repeat(np.arange(score.size), [each.size for each in sets])
+    rows = [
+        _conflicts(pairs, items, score.size)
+        for pairs, items in ((np.arange(score.size), track), (number, np.concatenate(sets)))
+    ]
+    # detections of the same hypotheses give the same constraint
+    constraints = np.unique(np.concatenate(rows), axis=0)
+    if len(constraints) == 1 and constraints.all():
+        best = int(np.argmax(score))
+        return np.flatnonzero((np.arange(score.size) == best) & (score > 0.0))
     found = milp(
         -score,
-        constraints=LinearConstraint(matrix, -np.inf, 1.0),
+        constraints=LinearConstraint(csr_array(constraints.astype(float)), -np.inf, 1.0),
         integrality=np.ones(score.size),
         bounds=Bounds(0.0, 1.0),
         options={"mip_rel_gap": 0.0},
     )
     return np.flatnonzero(found.x > 0.5)
+
+
+def _conflicts(number: Indices, item: Indices, size: int) -> NDArray[np.bool_]:
+    """Which of `size` hypotheses have an item, for each item of several: (item, hypothesis), from
+    the hypothesis and the item of each pair."""
+    names, of = np.unique(item, return_inverse=True)
+    has = np.zeros((names.size, size), dtype=bool)
+    has[of, number] = True
+    return has[has.sum(axis=1) > 1]
