@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 from sklearn.cluster import BisectingKMeans, KMeans, MiniBatchKMeans, kmeans_plusplus
 from threadpoolctl import threadpool_limits
 
-from cislunar.targets.audit import audit_centers
 from cislunar.targets.clustering import DEFAULT_SEEDING, SEEDINGS, cluster, distinct_points
 from cislunar.targets.missions import load_missions
 from cislunar.targets.sampling import sample_zero_velocity
@@ -125,12 +124,7 @@ def main() -> None:
                 reference,
             )
         result = found[DEFAULT_SEEDING][1]
-        audit = audit_centers(result.center, result.label, sampled.jacobi)
-        print(
-            f"  centers inside the Moon {audit.inside_moon.sum()}, inside the Earth "
-            f"{audit.inside_earth.sum()}, in a forbidden region {audit.forbidden.sum()}; "
-            f"members {result.members.min()} to {result.members.max()}"
-        )
+        print(f"  members {result.members.min()} to {result.members.max()}")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "audit": ["audit_centers"],
     "clustering": ["DEFAULT_SEEDING", "SEEDINGS", "cluster", "distinct_points"],
     "maneuver_model": ["DrawnManeuvers", "ManeuverModel"],
     "maneuvers": ["MANEUVER_AXES", "ManeuverTable", "Maneuvers", "NO_MANEUVERS", "draw_maneuvers",

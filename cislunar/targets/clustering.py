@@ -21,7 +21,7 @@ Assumptions and limitations
 ---------------------------
 - The mean of the points of a cluster need not lie in the region itself. Among a hundred clusters,
   one often holds the whole lobe of the lunar landers and has its center inside the Moon. The paper
-  uses the centers without correction, and so does this module; `cislunar.targets.audit` finds them.
+  uses the centers without correction, and so does this module.
 """
 
 import io

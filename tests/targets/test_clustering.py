@@ -7,10 +7,8 @@ import pytest
 import sklearn.cluster
 from scipy.spatial.distance import cdist
 
-from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError
 from cislunar.targets import clustering
-from cislunar.targets.audit import audit_centers
 from cislunar.targets.clustering import DEFAULT_SEEDING, SEEDINGS, cluster, distinct_points
 from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
 
@@ -145,17 +143,6 @@ def test_unusable_points_are_refused(points):
 def test_unknown_seeding_is_refused(sampled):
     with pytest.raises(ConfigurationError, match="seeding"):
         cluster(sampled.position, 3, seed=0, seeding="magic")
-
-
-def test_audit_finds_centers_inside_bodies_and_forbidden_regions():
-    r = 0.8 * MOON_RADIUS_KM / LENGTH_UNIT_KM
-    center = np.array(
-        [[1.0 - MU + r, 0.0, 0.0], [-MU, 0.01, 0.0], [0.5, 0.8, 0.0], [0.5, 0.8, 0.0]]
-    )
-    audit = audit_centers(center, [0, 1, 2, 3, 3], [5.49, 3.1, 3.1, 3.1, 2.91])
-    np.testing.assert_array_equal(audit.inside_moon, [True, False, False, False])
-    np.testing.assert_array_equal(audit.inside_earth, [False, True, False, False])
-    np.testing.assert_array_equal(audit.forbidden, [False, False, True, False])
 
 
 def test_progress_counts_centers_and_rounds_and_changes_nothing(sampled):
