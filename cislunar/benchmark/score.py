@@ -92,7 +92,7 @@ def score_submission(
         rows.append(row)
         if progress is not None:
             progress(number + 1, len(epochs))
-    rows[-1] |= _of_assignments(submission, given, public, truth)
+    rows[-1] |= _of_assignments(submission, given, truth)
     rows[-1] |= _latency(given, pairs, public, truth)
     return pd.DataFrame(rows, columns=list(SCORE_COLUMNS))
 
@@ -206,7 +206,7 @@ def _anees(error: Array, covariance: Array) -> float:
 
 
 def _of_assignments(
-    submission: str | Path, given: Submission, public: PublicData, truth: xr.Dataset
+    submission: str | Path, given: Submission, truth: xr.Dataset
 ) -> dict[str, float]:
     """Purity of the assignments of detections, if there are any."""
     if given.assigned is None:
@@ -218,16 +218,8 @@ def _of_assignments(
                 f"{submission}: obsID {name!r} is none of detections.csv; correct assignments.csv"
             )
     rows = [row_of[name] for name in given.assigned]
-    names, track = np.unique([*given.assigned.values()], return_inverse=True)
-    found = catalog_quality(
-        track.tolist(),
-        truth["origin"].values[rows].tolist(),
-        public.angles.time[rows].tolist(),
-        range(names.size),
-        [0.0] * names.size,
-        truth.sizes["object"],
-        np.zeros(truth.sizes["object"]),
-    )
+    track = np.unique([*given.assigned.values()], return_inverse=True)[1]
+    found = catalog_quality(track.tolist(), truth["origin"].values[rows].tolist())
     return {
         "purity": found.purity,
         "wrong_assignments": found.wrong_associations,

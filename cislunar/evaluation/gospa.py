@@ -90,94 +90,55 @@ def gospa(targets: ArrayLike, tracks: ArrayLike, cutoff: float, order: float = 2
 
 
 class CatalogQuality(NamedTuple):
-    """Quality of a catalog over a run.
+    """Quality of the tracks of a catalog.
 
     Attributes
     ----------
-    completeness : float
-        Share of the targets that have a confirmed track at the end.
     purity : float
-        Share of the detections in confirmed tracks that are of the target that most are of.
+        Share of the detections in tracks that are of the target that most are of.
     wrong_associations : int
-        Detections in confirmed tracks of another target, or of none.
+        Detections in tracks of another target, or of none.
     false_tracks : int
-        Confirmed tracks most of whose detections are false alarms.
+        Tracks most of whose detections are false alarms.
     fragments : float
-        Confirmed tracks for each target that has one.
-    switches : int
-        Changes of the target from one detection of a track to the next, false alarms left out.
-    latency : float
-        Median time from the first detection of a target to the confirmation of its first track, in
-        the unit of the times; NaN without any.
+        Tracks for each target that has one.
     """
 
-    completeness: float
     purity: float
     wrong_associations: int
     false_tracks: int
     fragments: float
-    switches: int
-    latency: float
 
 
-def catalog_quality(
-    track: Sequence[int],
-    origin: Sequence[int],
-    time: Sequence[float],
-    confirmed: Sequence[int],
-    confirmed_at: Sequence[float],
-    n_targets: int,
-    first_detection: ArrayLike,
-) -> CatalogQuality:
-    """Completeness, purity, fragmentation and latency of a catalog.
+def catalog_quality(track: Sequence[int], origin: Sequence[int]) -> CatalogQuality:
+    """Purity and fragmentation of a catalog.
 
     Parameters
     ----------
     track, origin : sequence of int, shape (row,)
         Of every detection that a track has taken: the track, and the target that the detection is
         of, or `FALSE_ALARM`.
-    time : sequence of float, shape (row,)
-        Of the detections.
-    confirmed : sequence of int, shape (n,)
-        Confirmed tracks.
-    confirmed_at : sequence of float, shape (n,)
-        Times of their confirmation.
-    n_targets : int
-        Targets in the truth, with those never detected.
-    first_detection : array_like, shape (n_targets,)
-        Time of the first detection of each target, infinite without any.
 
     Returns
     -------
     CatalogQuality
     """
-    track, origin, time = (np.asarray(each) for each in (track, origin, time))
-    first = np.asarray(first_detection, dtype=float)
-    of_target: dict[int, list[float]] = {}
-    right = total = wrong = false_tracks = switches = 0
-    for own, at in zip(confirmed, confirmed_at, strict=True):
-        rows = np.flatnonzero(track == own)
-        rows = rows[np.argsort(time[rows], kind="stable")]
-        found = origin[rows]
-        names, counts = np.unique(found, return_counts=True)
-        main = int(names[np.argmax(counts)]) if found.size else FALSE_ALARM
-        right += int(counts.max(initial=0)) if main != FALSE_ALARM else 0
-        total += found.size
-        real = found[found != FALSE_ALARM]
-        switches += int(np.count_nonzero(np.diff(real)))
+    tracks, origins = np.asarray(track), np.asarray(origin)
+    of_target: dict[int, int] = {}
+    right = wrong = false_tracks = 0
+    for own in np.unique(tracks):
+        names, counts = np.unique(origins[tracks == own], return_counts=True)
+        main = int(names[np.argmax(counts)])
         if main == FALSE_ALARM:
             false_tracks += 1
-            wrong += found.size
+            wrong += int(counts.sum())
             continue
-        wrong += int(np.count_nonzero(found != main))
-        of_target.setdefault(main, []).append(float(at))
-    delays = [min(at) - first[target] for target, at in of_target.items()]
+        right += int(counts.max())
+        wrong += int(counts.sum() - counts.max())
+        of_target[main] = of_target.get(main, 0) + 1
     return CatalogQuality(
-        completeness=len(of_target) / n_targets if n_targets else np.nan,
-        purity=right / total if total else np.nan,
+        purity=right / tracks.size if tracks.size else np.nan,
         wrong_associations=wrong,
         false_tracks=false_tracks,
-        fragments=float(np.mean([len(at) for at in of_target.values()])) if of_target else np.nan,
-        switches=switches,
-        latency=float(np.median(delays)) if delays else np.nan,
+        fragments=float(np.mean(list(of_target.values()))) if of_target else np.nan,
     )
