@@ -16,10 +16,9 @@ them.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cislunar.association.window import Association, Window
-from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
@@ -89,54 +88,16 @@ class TrackStatus(NamedTuple):
         status[(r < _LOST) & (status == CONFIRMED)] = LOST
         status[(r < _DELETED) & (status == TENTATIVE)] = DELETED
 
-    def added(self, n: int, existence: ArrayLike) -> "TrackStatus":
-        """Status with new tentative tracks at the end.
 
-        Parameters
-        ----------
-        n : int
-            Number of new tracks.
-        existence : array_like, shape () or (n,)
-            Probability that each is of an object.
-
-        Raises
-        ------
-        ConfigurationError
-            If a probability does not lie between 0 and 1.
-        """
-        parts = zip(self, _never_detected(n, existence, TENTATIVE), strict=True)
-        return TrackStatus(*(np.concatenate(part) for part in parts))
-
-    def removed(self, targets: ArrayLike) -> "TrackStatus":
-        """Status of the other tracks, in their order.
-
-        Parameters
-        ----------
-        targets : array_like of int, shape (n,)
-            Indices of the tracks that are removed.
-        """
-        return TrackStatus(*(np.delete(part, targets) for part in self))
-
-
-def known_tracks(n_tracks: int, existence: float = 1.0 - _RANGE) -> TrackStatus:
-    """Confirmed tracks of a catalog.
+def known_tracks(n_tracks: int) -> TrackStatus:
+    """Confirmed tracks of a catalog, before their first detection.
 
     Parameters
     ----------
     n_tracks : int
-    existence : float
-        Probability that each is of an object.
     """
-    return _never_detected(n_tracks, existence, CONFIRMED)
-
-
-def _never_detected(n_tracks: int, existence: ArrayLike, status: int) -> TrackStatus:
-    """Tracks of a status, before their first detection."""
-    each = np.asarray(existence, dtype=float)
-    if not np.all((each > 0.0) & (each < 1.0)):
-        raise ConfigurationError(f"existence = {existence} must lie between 0 and 1")
     return TrackStatus(
-        np.full(n_tracks, each),
-        np.full(n_tracks, status, dtype=np.uint8),
+        np.full(n_tracks, 1.0 - _RANGE),
+        np.full(n_tracks, CONFIRMED, dtype=np.uint8),
         np.full(n_tracks, -1, dtype=np.int64),
     )

@@ -7,15 +7,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from cislunar.association import (
-    CONFIRMED,
-    TENTATIVE,
     Window,
     associate_frames,
     equivalent_direction,
     gate_threshold,
     gaussian_log_likelihood,
     joint_probabilities,
-    known_tracks,
     log_ratio,
 )
 from cislunar.association.nearest_neighbor import nearest_neighbor
@@ -272,19 +269,3 @@ def test_methods_agree_where_nothing_is_in_doubt():
 def test_an_impossible_gate_is_one_line():
     with pytest.raises(ConfigurationError, match=r"gate_probability = 1\.0"):
         gate_threshold(1.0, 2)
-
-
-def test_new_tracks_are_tentative_and_the_others_keep_their_status():
-    known = known_tracks(3, 0.9)
-    known.last[:] = [4, 5, 6]
-    more = known.added(2, [0.3, 0.4])
-    np.testing.assert_array_equal(more.existence, [0.9, 0.9, 0.9, 0.3, 0.4])
-    np.testing.assert_array_equal(more.status, [CONFIRMED] * 3 + [TENTATIVE] * 2)
-    np.testing.assert_array_equal(more.last, [4, 5, 6, -1, -1])
-    fewer = more.removed([0, 3])
-    np.testing.assert_array_equal(fewer.existence, [0.9, 0.9, 0.4])
-    np.testing.assert_array_equal(fewer.status, [CONFIRMED, CONFIRMED, TENTATIVE])
-    np.testing.assert_array_equal(fewer.last, [5, 6, -1])
-    assert fewer.status.dtype == known.status.dtype
-    with pytest.raises(ConfigurationError, match=r"existence = 1.0 must lie between 0 and 1$"):
-        known.added(1, 1.0)

@@ -14,7 +14,6 @@ from cislunar.association import (
     Window,
     known_tracks,
 )
-from cislunar.errors import ConfigurationError
 
 
 def window_of(seen, chance):
@@ -100,10 +99,3 @@ def test_a_tentative_track_is_not_lost_but_deleted():
     for _ in range(20):
         tracks.update(window_of([(0, 0)], [0.9]), taken(), 0, np.array([0]), 1)
     assert tracks.status[0] == DELETED
-
-
-@pytest.mark.parametrize("existence", [0.0, 1.0, -0.5, np.nan])
-def test_an_impossible_existence_is_one_line(existence):
-    with pytest.raises(ConfigurationError, match="existence = ") as caught:
-        known_tracks(2, existence)
-    assert "\n" not in str(caught.value)
