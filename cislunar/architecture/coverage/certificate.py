@@ -66,8 +66,6 @@ def certify_coverage(
     *,
     n_slots: int | None = None,
     steps: int = 150,
-    restarts: int = 0,
-    rng: np.random.Generator | None = None,
 ) -> ObjectiveCertificate:
     """Search for the architecture of largest coverage of a number of satellites, with an upper
     bound.
@@ -89,10 +87,6 @@ def certify_coverage(
         phases.
     steps : int
         Largest number of subgradient steps of each bound.
-    restarts : int
-        Further random starts of the search.
-    rng : numpy.random.Generator, optional
-        Source of the random starts.
     """
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots, steps)
@@ -100,7 +94,5 @@ def certify_coverage(
         objective,
         lambda: greedy_coverage(objective, n_satellites, n_slots=n_slots),
         lambda known: coverage_bound(objective, *known, steps=steps),
-        restarts=restarts,
-        rng=rng,
         effort=_LITTLE if objective.candidates.size > _LARGE else THOROUGH,
     )

@@ -158,7 +158,8 @@ def certify_gaps(
     rng: np.random.Generator | None = None,
 ) -> ObjectiveCertificate:
     """Search for the architecture of the shortest gaps, from the greedy choice of largest coverage.
-    The bound is the value of all candidates together. For the arguments see
+    The bound is the value of all candidates together. `restarts` is the number of further random
+    starts of the search, with `rng` as their source; for the other arguments see
     `cislunar.architecture.coverage.certificate.certify_coverage`."""
     return certified_search(
         objective,

@@ -34,8 +34,6 @@ def certify_information(
     *,
     steps: int = 200,
     halvings: int = 0,
-    restarts: int = 0,
-    rng: np.random.Generator | None = None,
 ) -> ObjectiveCertificate:
     """Search for the architecture of largest information of a number of satellites, with an upper
     bound.
@@ -55,10 +53,6 @@ def certify_information(
     halvings : int
         Number of further sets, the first N/2, N/4 ... of the greedy choices, over which the bound
         is also linear, see `cislunar.architecture.information.relaxation`.
-    restarts : int
-        Further random starts of the search.
-    rng : numpy.random.Generator, optional
-        Source of the random starts.
     """
     check_size(objective, n_satellites, n_satellites, steps)
 
@@ -70,4 +64,4 @@ def certify_information(
         over = [greedy()[0][: n_satellites // 2**number] for number in range(1, halvings + 1)]
         return information_bound(objective, known[0], steps=steps, over=over)
 
-    return certified_search(objective, greedy, bound, restarts=restarts, rng=rng)
+    return certified_search(objective, greedy, bound)
