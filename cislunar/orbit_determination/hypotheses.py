@@ -1,7 +1,5 @@
 """Hypotheses of linking: orbits with their detections, and the best compatible set of them."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -42,12 +40,9 @@ class LinkHypotheses:
         region: AdmissibleRegion,
         settings: LinkingSettings,
         log_clutter: ArrayLike,
-        log_misses: Callable[[OrbitFits], Array] | None,
     ) -> None:
         self.data = angles, tracklets, forces, region, settings
-        self.score_of = lambda fits: log_scores(
-            fits, angles, region, settings, log_clutter, log_misses
-        )
+        self.score_of = lambda fits: log_scores(fits, angles, region, settings, log_clutter)
         self.fits: list[OrbitFits] = []
         self.members: list[tuple[int, ...]] = []
         self.scores: list[float] = []

@@ -112,7 +112,6 @@ def link(
     region: AdmissibleRegion | None = None,
     settings: LinkingSettings | None = None,
     log_clutter: ArrayLike = 0.0,
-    log_misses: Callable[[OrbitFits], Array] | None = None,
     known: LinkedOrbits | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LinkedOrbits:
@@ -128,7 +127,7 @@ def link(
         CR3BP or ephemeris forces.
     region : AdmissibleRegion, optional
     settings : LinkingSettings, optional
-    log_clutter, log_misses
+    log_clutter
         See `log_scores`.
     known : LinkedOrbits, optional
         Result for the first rows of the same angles, which is continued: its orbits take further
@@ -152,7 +151,7 @@ def link(
         raise ConfigurationError("log_clutter must be finite; give a small density for no clutter")
     if angles.time.size:
         require_span(forces, angles.time[0], angles.time[-1])
-    found = LinkHypotheses(angles, tracklets, forces, region, settings, log_clutter, log_misses)
+    found = LinkHypotheses(angles, tracklets, forces, region, settings, log_clutter)
     n = tracklets.time.size
     free = np.ones(n, dtype=bool)
     if n:

@@ -4,15 +4,13 @@ The score of a hypothesis, an orbit with its n detections, is the logarithm of i
 to the assumption that its detections are clutter, that is, false alarms or detections of objects
 that are not linked:
 
-    ln n_0 + ln p(angles) + ln p(magnitudes) + n ln P_D + ln p(misses) - sum ln kappa,          (1)
+    ln n_0 + ln p(angles) + ln p(magnitudes) + n ln P_D - sum ln kappa,                         (1)
 
 with the expected number n_0 of objects in the region, p(angles) by `log_evidence`, p(magnitudes) of
 a sphere of unknown size with a scatter, the detection probability P_D, and the density kappa of
 clutter. All constants are included, so that hypotheses with different numbers of detections are
-comparable.
+comparable. Exposures without a detection are not counted.
 """
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,7 +131,6 @@ def log_scores(
     region: AdmissibleRegion,
     settings: LinkingSettings,
     log_clutter: ArrayLike,
-    log_misses: Callable[[OrbitFits], Array] | None = None,
 ) -> Array:
     """Scores of hypotheses, equation (1); minus infinity for those that are not admissible.
 
@@ -146,9 +143,6 @@ def log_scores(
     log_clutter : array_like, shape () or (row,)
         Logarithm of the density of clutter, per steradian and, for rows with a magnitude and a
         position of the Sun, per magnitude (`cislunar.detection.DetectionProcess.log_intensity`).
-    log_misses : callable, optional
-        Takes fits, and returns for each the logarithm of the probability that no other exposure of
-        any observer detected the object, shape (fit,); by default 0.
 
     Returns
     -------
@@ -181,6 +175,4 @@ def log_scores(
     # brightness as a constraint, too: sizes outside of the region have no density
     largest, least = -2.5 * np.log10([region.least_size_m2, region.largest_size_m2])
     score[some & ((mean < least) | (mean > largest))] = -np.inf
-    if log_misses is not None and n.size:
-        score += np.asarray(log_misses(fits), dtype=float)
     return score

@@ -191,7 +191,7 @@ def test_the_choice_is_that_of_brute_force():
     angles, _ = night(OBJECTS[:3], [0.0, 0.5], 0.5, 4)
     tracklets = attributables(angles, form_tracklets(angles))
     settings, region = LinkingSettings(), AdmissibleRegion()
-    found = LinkHypotheses(angles, tracklets, EARTH_MOON, region, settings, LOG_CLUTTER, None)
+    found = LinkHypotheses(angles, tracklets, EARTH_MOON, region, settings, LOG_CLUTTER)
     rng, n = np.random.default_rng(5), tracklets.time.size
     drawn = {tuple(sorted(rng.choice(n, 3, replace=False).tolist())) for _ in range(14)}
     rows = [np.unique(np.concatenate([tracklets.detections[t] for t in each])) for each in drawn]
@@ -323,7 +323,7 @@ def two_hypotheses(angles, groups, starts):
     """Hypotheses of two groups of tracklets (boolean function of detections), and their indices."""
     tracklets = attributables(angles, form_tracklets(angles))
     found = LinkHypotheses(
-        angles, tracklets, EARTH_MOON, AdmissibleRegion(), LinkingSettings(), LOG_CLUTTER, None
+        angles, tracklets, EARTH_MOON, AdmissibleRegion(), LinkingSettings(), LOG_CLUTTER
     )
     for group, start in zip(groups, starts, strict=True):
         own = tuple(t for t, rows in enumerate(tracklets.detections) if group[rows].all())
