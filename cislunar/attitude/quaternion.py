@@ -148,16 +148,3 @@ def attitude_matrix(q: ArrayLike) -> Array:
     q = np.asarray(q, dtype=float)
     # Row i of to_body(q, e_i) is column i of A, hence the transpose.
     return np.swapaxes(to_body(q[..., None, :], np.eye(3)), -1, -2)
-
-
-def rotation_vector(q: ArrayLike) -> Array:
-    """Rotation vectors (..., 3), axis times angle, rad, of unit quaternions (..., 4), with the
-    angle in [0, pi]; q and -q give the same vector."""
-    q = np.asarray(q, dtype=float)
-    q = np.where(q[..., 3:] < 0.0, -q, q)
-    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, q[..., 3:])
-    small = sine < 0.5 * SMALL_ANGLE
-    # angle/sin(angle/2) = 2 (1 + sine^2/6 + ...) near zero rotation
-    scale = np.where(small, 2.0 + sine**2 / 3.0, angle / np.where(small, 1.0, sine))
-    return scale * q[..., :3]

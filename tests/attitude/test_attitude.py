@@ -79,13 +79,11 @@ def test_array_functions_broadcast(attitudes, rng):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 0.99e-4, 1.01e-4, 1.0, np.pi - 1e-9])
-def test_rotation_vector_round_trip(angle, rng):
+def test_quaternion_of_a_rotation_vector(angle, rng):
     axis = rng.normal(size=3)
     vector = angle * axis / np.linalg.norm(axis)
     q = quaternion.from_rotation_vector(vector)
     np.testing.assert_allclose(q, Rotation.from_rotvec(vector).as_quat(), rtol=1e-15, atol=1e-15)
-    np.testing.assert_allclose(quaternion.rotation_vector(q), vector, rtol=1e-14, atol=1e-15)
-    np.testing.assert_allclose(quaternion.rotation_vector(-q), vector, rtol=1e-14, atol=1e-15)
 
 
 # ---- generalized Rodrigues parameters --------------------------------------------------------
@@ -112,7 +110,7 @@ def test_grp_kernels_agree_with_array_functions(attitudes):
 
 def test_grp_at_the_ends_of_a(attitudes):
     """a = 0, f = 1: Gibbs, tan(angle/2); a = f = 1: modified Rodrigues, as scipy has them."""
-    angle = np.linalg.norm(quaternion.rotation_vector(attitudes), axis=1)
+    angle = Rotation.from_quat(attitudes).magnitude()
     gibbs = grp.from_quaternion(attitudes, 0.0, 1.0)
     np.testing.assert_allclose(np.linalg.norm(gibbs, axis=1), np.tan(angle / 2), rtol=1e-10)
     mrp = Rotation.from_quat(attitudes).as_mrp()
