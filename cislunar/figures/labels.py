@@ -253,25 +253,23 @@ _FAMILIES = {
 
 
 class Part(NamedTuple):
-    """Three components of the state: name, name in two lines where long, practical unit.
+    """Three components of the state: name and practical unit.
 
     `factor` leads from the unit of the data sets to `unit`; a GRP of the attitude error is the
     angle in radians where it is small.
     """
 
     name: str
-    stacked: str
     unit: str
     factor: float
     columns: slice
 
 
 PARTS = tuple(
-    Part(name, stacked, unit, float(factor), slice(3 * number, 3 * number + 3))
-    for number, (name, stacked, unit, (_, factor)) in enumerate(
+    Part(name, unit, float(factor), slice(3 * number, 3 * number + 3))
+    for number, (name, unit, (_, factor)) in enumerate(
         zip(
             ("attitude", "angular velocity", "position", "velocity"),
-            ("attitude", "angular\nvelocity", "position", "velocity"),
             ("deg", "deg/h", "km", "m/s"),
             PRACTICAL_UNITS.values(),
             strict=True,

@@ -95,7 +95,7 @@ class RegionSamples(NamedTuple):
         Time of the states, nondimensional, since the epoch of the force model.
     state : ndarray, shape (sample, 6)
         Nondimensional, propagation frame.
-    range, range_rate : ndarray, shape (sample,)
+    range : ndarray, shape (sample,)
         Nondimensional.
     weight : ndarray, shape (sample,)
         Share of the phase-space volume that a sample represents, proportional to rho^2 times the
@@ -105,7 +105,6 @@ class RegionSamples(NamedTuple):
     time: float
     state: Array
     range: Array
-    range_rate: Array
     weight: Array
 
 
@@ -294,6 +293,4 @@ def sample_region(
     kept &= np.repeat(half > 0.0, n_rates)
     area = rho**3 * np.repeat(half, n_rates)  # a cell of the logarithm is rho wide
     weight = area[kept] / max(area[kept].sum(), np.finfo(float).tiny)
-    return RegionSamples(
-        float(tracklets.time[which]), states[kept], rho[kept], rates.ravel()[kept], weight
-    )
+    return RegionSamples(float(tracklets.time[which]), states[kept], rho[kept], weight)

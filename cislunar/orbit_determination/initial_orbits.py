@@ -78,15 +78,12 @@ class InitialOrbits(NamedTuple):
         See `cislunar.orbit_determination.verdicts.log_evidence`.
     undetermined_directions : ndarray of int, shape (fit,)
         See `cislunar.orbit_determination.verdicts.undetermined_directions`.
-    n_starts : int
-        Number of starts.
     """
 
     verdict: str
     fits: OrbitFits
     log_evidence: Array
     undetermined_directions: Indices
-    n_starts: int
 
 
 def initial_orbits(
@@ -130,7 +127,7 @@ def initial_orbits(
     all_rows = np.arange(n)
     nothing = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
     if n < 3:
-        return _found(DIRECTION_ONLY, nothing, angles, region, settings, 0)
+        return _found(DIRECTION_ONLY, nothing, angles, region, settings)
     times, states = _starts(angles, forces, region, settings)
     fits = fit_orbits(angles, [all_rows] * len(states), states, times, forces=forces)
     singular = np.any(fits.status == SINGULAR)
@@ -142,17 +139,17 @@ def initial_orbits(
         allowed[k] = is_brightness_admissible(one.position, angles.rows(one.row), region)
     if allowed.any():
         kept = _distinct(fits.take(np.flatnonzero(allowed)))
-        return _found("", kept, angles, region, settings, len(states))
+        return _found("", kept, angles, region, settings)
     if good.any():
         verdict = NO_ORBIT
     elif np.any(fits.status == CONVERGED):
         verdict = CONTRADICTORY
     else:
         verdict = DIRECTION_ONLY if singular else NO_ORBIT
-    return _found(verdict, nothing, angles, region, settings, len(states))
+    return _found(verdict, nothing, angles, region, settings)
 
 
-def _found(verdict, fits, angles, region, settings, n_starts) -> InitialOrbits:
+def _found(verdict, fits, angles, region, settings) -> InitialOrbits:
     """Solutions in order of evidence, and the verdict if it is not given."""
     evidence = log_evidence(fits, angles, region)
     order = np.argsort(-evidence, kind="stable")
@@ -162,7 +159,7 @@ def _found(verdict, fits, angles, region, settings, n_starts) -> InitialOrbits:
         rivals = evidence >= evidence[0] - settings.verdict.rival_log_ratio
         verdict = SEVERAL_ORBITS if np.count_nonzero(rivals) > 1 else ORBIT
         verdict = DIRECTION_ONLY if np.any(free[rivals] > 0) else verdict
-    return InitialOrbits(verdict, fits, evidence, free, n_starts)
+    return InitialOrbits(verdict, fits, evidence, free)
 
 
 def _starts(angles, forces, region, settings) -> tuple[Array, Array]:

@@ -83,8 +83,6 @@ class LinkedOrbits(NamedTuple):
         Whether the orbit satisfies the rule of confirmation; otherwise it is a candidate.
     rivals : tuple of OrbitFits
         Other orbits through some or all of the detections, of nearly the same evidence.
-    n_hypotheses : int
-        Number of hypotheses among which the choice is optimal.
     solutions : dict of bytes to InitialOrbits
         Initial orbits for all detections of an orbit, by their angles, where they were sought; the
         next run takes those of orbits without a new detection.
@@ -96,7 +94,6 @@ class LinkedOrbits(NamedTuple):
     undetermined_directions: Indices
     confirmed: NDArray[np.bool_]
     rivals: tuple[OrbitFits, ...]
-    n_hypotheses: int
     solutions: dict[bytes, InitialOrbits]
 
     def detections(self, k: int) -> Indices:
@@ -382,5 +379,5 @@ def _described(
         )
     return LinkedOrbits(
         fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free,
-        np.array(confirmed, dtype=bool), tuple(rivals), len(found.members), solutions,
+        np.array(confirmed, dtype=bool), tuple(rivals), solutions,
     )  # fmt: skip

@@ -45,7 +45,7 @@ def catalog(n_observed=TRACKED, seed=5):
     found = fit_orbits(angles, fits, truth, steps[-1] * scene.step, forces=EARTH_MOON)
     linked = LinkedOrbits(
         found, np.full(n, 100.0), ("orbit",) * n, np.zeros(n, int), np.array([True, False, True]),
-        (found.take([]),) * n, n, {},
+        (found.take([]),) * n, {},
     )  # fmt: skip
     return linked, truth, steps[-1] * scene.step
 

@@ -178,7 +178,7 @@ def linked(fits, confirmed):
     n = fits.epoch.size
     return LinkedOrbits(
         fits, np.full(n, 100.0), ("orbit",) * n, np.zeros(n, int), np.asarray(confirmed),
-        (fits.take([]),) * n, n, {},
+        (fits.take([]),) * n, {},
     )  # fmt: skip
 
 
