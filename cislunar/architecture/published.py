@@ -61,6 +61,9 @@ PUBLISHED_COST: dict[str, dict[str, tuple[float, int]]] = {
 }
 """J and total number of satellites in the paper, by scenario and optimizer (section 5.1)."""
 
+_DRAWS = 1000
+"""Number of random choices of members."""
+
 
 def choose_members(
     objective: Objective,
@@ -135,16 +138,13 @@ def choose_members(
 
 
 def random_member_values(
-    objective: Objective,
-    slots: tuple[tuple[str, int], ...],
-    rng: np.random.Generator,
-    draws: int = 1000,
+    objective: Objective, slots: tuple[tuple[str, int], ...], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Values of random choices of the members of each family, for given counts, shape (draws,). For
-    `objective`, `slots` and the errors see `choose_members`; `draws` is the number of choices."""
+    """Values of random choices of the members of each family, for given counts, shape (draw,). For
+    `objective`, `slots` and the errors see `choose_members`."""
     satellites = np.array([count for _, count in slots], dtype=np.int64)
     members = _members(objective, slots)
-    chosen = (_random_members(slots, members, rng) for _ in range(draws))
+    chosen = (_random_members(slots, members, rng) for _ in range(_DRAWS))
     return np.array([objective.value(orbit, satellites) for orbit in chosen])
 
 

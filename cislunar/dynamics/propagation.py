@@ -349,9 +349,7 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
     return propagate_many(states, times, forces=CR3BP(mu), method="dop853")[:, 0]
 
 
-def closest_approaches(
-    state: ArrayLike, duration: float, *, mu: float = MU, rtol: float = 1e-12, atol: float = 1e-12
-) -> tuple[float, float]:
+def closest_approaches(state: ArrayLike, duration: float, *, mu: float = MU) -> tuple[float, float]:
     """Least distances to the Earth and to the Moon along a trajectory in the CR3BP.
 
     Minima within a step are found on the continuous extension of DOP853.
@@ -364,8 +362,6 @@ def closest_approaches(
         Nondimensional, positive.
     mu : float
         Mass ratio.
-    rtol, atol : float
-        Tolerances.
 
     Returns
     -------
@@ -374,8 +370,8 @@ def closest_approaches(
     """
     if not duration > 0.0:
         raise ConfigurationError(f"duration = {duration} must be positive")
-    code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     centers = np.array(primary_positions(mu))[:, 0]
     start, times = state_vector(state), np.array([float(duration)])
-    _, closest = _integrate(code, CR3BP(mu), 0.0, start, times, rtol, atol, centers)
+    given = CR3BP(mu), 0.0, start, times, 1e-12, 1e-12, centers
+    _, closest = _integrate(METHODS["dop853"], *given)
     return float(closest[0]), float(closest[1])

@@ -32,22 +32,20 @@ class Custody(Section):
         return away_km <= self.position_km, attitude_angle_deg(error) <= self.attitude_deg
 
 
-def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:
+def attitude_angle_deg(error: Array) -> Array:
     """Rotation angle of attitude errors given as GRP vectors.
 
     Parameters
     ----------
     error : ndarray, shape (..., >= 3)
-        Attitude errors in the first three components, with f = 2 (a + 1).
-    a : float
-        Parameter of the GRP.
+        Attitude errors in the first three components, with a = 0.5 and f = 3.
 
     Returns
     -------
     ndarray, shape (...)
         Degrees in [0, 180].
     """
-    f = 2.0 * (a + 1.0)
+    a, f = 0.5, 3.0
     squared = np.sum(error[..., :3] ** 2, axis=-1)
     scalar = (-a * squared + f * np.sqrt(f * f + (1.0 - a * a) * squared)) / (f * f + squared)
     # |rho| = (a + q4) |p| / f; the arctangent keeps its precision at small angles.

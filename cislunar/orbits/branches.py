@@ -164,10 +164,10 @@ def butterfly_seed(mu: float = MU) -> Seed:
     return _doubled_seed(_halo_l2_to_doublings(mu)[2][1], 1.0, mu)
 
 
-def retrograde_seed(mu: float = MU, radius_km: float = _DRO_RADIUS_KM) -> Seed:
-    """Distant retrograde orbit at its Earth-side crossing, from a circle of `radius_km` about the
-    Moon. The family continues towards the Earth."""
-    r = radius_km / LENGTH_UNIT_KM
+def retrograde_seed(mu: float = MU) -> Seed:
+    """Distant retrograde orbit at its Earth-side crossing, from a circle about the Moon. The
+    family continues towards the Earth."""
+    r = _DRO_RADIUS_KM / LENGTH_UNIT_KM
     guess = np.array([1.0 - mu - r, 0.0, np.sqrt(mu / r) + r, np.pi / (np.sqrt(mu / r**3) + 1.0)])
     return Seed(correct(guess, fix_coordinate(X, guess[X]), mu), -np.eye(4)[X])
 

@@ -73,10 +73,10 @@ def triangular_seed(long_period: bool, mu: float = MU) -> Seed:
     return Seed(half, np.eye(6)[0])
 
 
-def low_prograde_seed(mu: float = MU, radius_km: float = _PROGRADE_RADIUS_KM) -> Seed:
+def low_prograde_seed(mu: float = MU) -> Seed:
     """Low prograde orbit about the Moon at its near side, from a circle; the family widens. It
     leads to the western low prograde orbits, which approach the Moon at their other crossing."""
-    r = radius_km / LENGTH_UNIT_KM
+    r = _PROGRADE_RADIUS_KM / LENGTH_UNIT_KM
     guess = np.array([1.0 - mu - r, 0.0, r - np.sqrt(mu / r), np.pi / (np.sqrt(mu / r**3) - 1.0)])
     return Seed(correct(guess, fix_coordinate(X, guess[X]), mu), -np.eye(4)[X])
 

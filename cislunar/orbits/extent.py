@@ -10,7 +10,7 @@ from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, 
 from cislunar.dynamics import closest_approaches, jacobi_constant
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
-from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate
+from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import HalfOrbit, X, Z
 from cislunar.orbits.stability import stability_index
 from cislunar.runtime.settings_fields import NotNegative, Section, setting
@@ -131,7 +131,6 @@ def follow_branch(
     perilune_km: float,
     perigee_km: float,
     end: tuple[str, float] | None,
-    max_step: float = MAX_STEP,
 ) -> Branch:
     """Members of a branch (`branch_seed`) that clear both primaries by the distances from their
     centers, km, up to its `end`, a quantity and its value at the last member. The list is shared
@@ -164,7 +163,7 @@ def follow_branch(
         hopeless = patience <= 0 and not has_cleared
         return violated or hopeless or flipped or remaining(member) <= 0.0
 
-    branch = continue_branch(seed.half, seed.direction, stop, mu=mu, max_step=max_step)
+    branch = continue_branch(seed.half, seed.direction, stop, mu=mu)
     if not has_cleared:
         raise ConfigurationError(
             f"no orbit of {root} keeps {perilune_km:.0f} km from the Moon's center and "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.errors import ConfigurationError, did_you_mean
-from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
+from cislunar.orbits.continuation import Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
@@ -75,9 +75,7 @@ def root_of(family: str) -> str:
     return family.removesuffix("_N").removesuffix("_S")
 
 
-def family_branch(
-    family: str, *, mu: float = MU, extent: Extent = KEEP_OUT, max_step: float = MAX_STEP
-) -> Branch:
+def family_branch(family: str, *, mu: float = MU, extent: Extent = KEEP_OUT) -> Branch:
     """Continuation of one of `FAMILIES` between its ends: closely spaced members in order, northern
     for both hemispheres."""
     root = root_of(family)
@@ -86,7 +84,6 @@ def family_branch(
         float(mu),
         *(extent.keep_out.distances_km if extent.keep_out else (0.0, 0.0)),
         extent.ends.get(root),
-        max_step,
     )
 
 

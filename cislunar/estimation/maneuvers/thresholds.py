@@ -51,16 +51,15 @@ def false_alarm_threshold(
     return float(chi2.isf(rate / tests, 3))
 
 
-def whitened_tests(whitened: ArrayLike, rows: ArrayLike | None = None) -> Array:
-    """Linear maps from the whitened innovations to the whitened impulse of every test.
+def whitened_tests(whitened: ArrayLike) -> Array:
+    """Linear maps from the whitened innovations to the whitened impulse of every test: after each
+    observation, that of every hypothesis.
 
     Parameters
     ----------
     whitened : array_like, shape (row, hypothesis, 2, 3)
         See `cislunar.estimation.maneuvers.likelihood_ratio.planned_information`; of one target.
         Observations of a hypothesis that are beyond the window are set to zero.
-    rows : array_like of int, optional
-        Observations after each of which all hypotheses are tested; all if omitted.
 
     Returns
     -------
@@ -71,7 +70,7 @@ def whitened_tests(whitened: ArrayLike, rows: ArrayLike | None = None) -> Array:
     given = array_of("whitened", whitened, ("row", "hypothesis", 2, 3))
     n_rows, n_hypotheses = given.shape[:2]
     found = []
-    for last in np.arange(n_rows) if rows is None else np.asarray(rows):
+    for last in range(n_rows):
         for h in range(n_hypotheses):
             seen = np.zeros((n_rows, 2, 3))
             seen[: last + 1] = given[: last + 1, h]
@@ -125,9 +124,7 @@ def exceedance_probability(
     return float(scale * shares.mean()), float(scale * shares.std(ddof=1) / np.sqrt(count))
 
 
-def threshold_of_schedule(
-    tests: ArrayLike, probability: float, seed: int = 0, *, samples: int = 400
-) -> float:
+def threshold_of_schedule(tests: ArrayLike, probability: float, *, samples: int = 400) -> float:
     """Threshold that the largest of correlated statistics exceeds with a probability.
 
     Parameters
@@ -136,8 +133,6 @@ def threshold_of_schedule(
         See `whitened_tests`; those of a day for a rate per target-day.
     probability : float
         Between 0 and 1.
-    seed : int
-        Of the random samples.
     samples : int
         Number of random samples.
     """
@@ -146,7 +141,7 @@ def threshold_of_schedule(
     lower = float(chi2.isf(probability, 3))
 
     def excess(level: float) -> float:
-        rng = np.random.default_rng([seed])
+        rng = np.random.default_rng([0])
         return np.log(exceedance_probability(maps, level, rng, samples=samples)[0] / probability)
 
     if maps.shape[0] == 1:
