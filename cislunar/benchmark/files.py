@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EphemerisForces, forces_between
-from cislunar.ephemeris import clock_text, tdb_seconds, tdb_to_clock
+from cislunar.ephemeris import COLUMNS, clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import checked, observation_table, read_text
-from cislunar.observation import Sensor
+from cislunar.observation import Scene, Sensor, make_scene
 from cislunar.orbit_determination import Angles, angles_from_table
 from cislunar.runtime.netcdf import read_dataset, write_text
 from cislunar.runtime.settings_fields import Positive, Section, Text, setting
@@ -116,6 +116,16 @@ def dates(tdb_s: Iterable[float]) -> list[str]:
     """Dates, ISO 8601, UTC, to the second, at TDB seconds past J2000."""
     clock = np.rint(tdb_to_clock(np.asarray(list(tdb_s), dtype=float), "UTC"))
     return [clock_text(each)[:19] + "Z" for each in clock.tolist()]
+
+
+def icrf_scene(position: Array, bodies: Array, step_s: float) -> Scene:
+    """Scene of observers whose axes are those of the ICRF, from their positions (observer, step, 3)
+    and those of the bodies (step, body, 3) in the order of the ephemeris, nondimensional."""
+    primaries = np.stack([bodies[:, COLUMNS["earth"]], bodies[:, COLUMNS["moon"]]], axis=1)
+    return make_scene(
+        position, bodies[:, COLUMNS["sun"]], step_s, observer_rate_deg_h=np.zeros(3),
+        axes=np.eye(3), primaries=primaries,
+    )  # fmt: skip
 
 
 def checksum(path: Path) -> str:

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from cislunar.architecture import PUBLISHED
 from cislunar.benchmark import files
-from cislunar.benchmark.files import BenchmarkScenario, dates
+from cislunar.benchmark.files import BenchmarkScenario, dates, icrf_scene
 from cislunar.campaign.data.inputs import variables
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, detection_table, exposure_table
 from cislunar.dynamics import EphemerisForces, inertial_states, propagate
-from cislunar.ephemeris import COLUMNS, read_table
+from cislunar.ephemeris import read_table
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import ades_text, inertial_arc, oem_text
-from cislunar.observation import Scene, Sensor, make_scene
+from cislunar.observation import Scene, Sensor
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits import observer_library, tracked_targets
 from cislunar.orbits.ephemeris_refined import reference_states
@@ -228,11 +228,7 @@ def _scene(tracks: Array, forces: EphemerisForces) -> Scene:
     """Observers whose axes are those of the ICRF."""
     elapsed = _STEP_S * np.arange(tracks.shape[1])
     bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
-    primaries = np.stack([bodies[:, COLUMNS["earth"]], bodies[:, COLUMNS["moon"]]], axis=1)
-    return make_scene(
-        tracks[..., :3], bodies[:, COLUMNS["sun"]], _STEP_S, observer_rate_deg_h=np.zeros(3),
-        axes=np.eye(3), primaries=primaries,
-    )  # fmt: skip
+    return icrf_scene(tracks[..., :3], bodies, _STEP_S)
 
 
 def _objects(size: BenchmarkSize, forces: EphemerisForces, seed: int) -> tuple[list[str], Array]:

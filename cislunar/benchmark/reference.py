@@ -18,6 +18,7 @@ from cislunar.benchmark.files import (
     BenchmarkScenario,
     PublicData,
     dates,
+    icrf_scene,
     read_public_data,
     read_scenario,
 )
@@ -28,7 +29,7 @@ from cislunar.dynamics import EphemerisForces, propagate_stm
 from cislunar.ephemeris import COLUMNS, read_table
 from cislunar.errors import CislunarError, ConfigurationError, ConvergenceError, InputFileError
 from cislunar.exchange import Segment, inertial_arc, oem_text
-from cislunar.observation import Scene, make_scene, sensor_limits
+from cislunar.observation import Scene, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     LinkingSettings,
@@ -93,11 +94,7 @@ def _scene(
         own = exposures.observer == o
         for c in range(3):
             tracks[o, :, c] = np.interp(steps, exposures.step[own], place[own, c])
-    primaries = np.stack([bodies[:, COLUMNS["earth"]], bodies[:, COLUMNS["moon"]]], axis=1)
-    return make_scene(
-        tracks, bodies[:, COLUMNS["sun"]], step_s, observer_rate_deg_h=np.zeros(3), axes=np.eye(3),
-        primaries=primaries,
-    )  # fmt: skip
+    return icrf_scene(tracks, bodies, step_s)
 
 
 def write_reference(

@@ -92,3 +92,11 @@ class ProcessNoise(_StateSigma):
         variance[6:9] += density * step**3 / 3.0
         variance[9:] += density * step
         return variance, density * step**2 / 2.0
+
+
+def noise_of_step(noise: ProcessNoise | None, step_s: float) -> Array:
+    """Covariance (6, 6) of the process noise of position and velocity in a step."""
+    variance, both = (ProcessNoise() if noise is None else noise).covariance(step_s)
+    process = np.diag(variance[6:])
+    process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
+    return process

@@ -1,9 +1,9 @@
 """Factory of estimators whose targets are tested for maneuvers."""
 
 from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.initial_sigma import ProcessNoise, noise_of_step
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
-from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest, noise_of_step
+from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest
 from cislunar.estimation.maneuvers.monitored_estimator import MonitoredEstimator
 from cislunar.estimation.maneuvers.recovering_estimator import RecoveringEstimator
 from cislunar.estimation.maneuvers.search import ReachableSearch

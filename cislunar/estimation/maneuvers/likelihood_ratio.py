@@ -38,7 +38,7 @@ from cislunar.dynamics.forces import of_targets
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, OrbitEstimates
-from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.initial_sigma import ProcessNoise, noise_of_step
 from cislunar.estimation.linearization import SIZE
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.maneuvers.recursion import scan
@@ -253,14 +253,6 @@ class ManeuverTest:
         left = remaining_tracks(self._own[1].shape[0], targets)
         self._forces = of_targets(self._forces, left)
         self._own = tuple(each[left] for each in self._own)
-
-
-def noise_of_step(noise: ProcessNoise | None, step_s: float) -> Array:
-    """Covariance (6, 6) of the process noise of a step."""
-    variance, both = (ProcessNoise() if noise is None else noise).covariance(step_s)
-    process = np.diag(variance[SIZE:])
-    process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
-    return process
 
 
 def planned_information(

@@ -56,7 +56,7 @@ from cislunar.estimation.estimator import (
     OrbitEstimates,
     Prediction,
 )
-from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.initial_sigma import ProcessNoise, noise_of_step
 from cislunar.estimation.linearization import SIZE, ObserverModel, carry_corrections
 from cislunar.estimation.navigation.calibration import calibrate
 from cislunar.estimation.navigation.errors import (
@@ -120,11 +120,6 @@ class NavigatedEstimator(WrappedEstimator):
         some = np.flatnonzero(scale > 0.0)
         column = np.full(N_PARAMETERS, -1, dtype=np.int64)
         column[some] = np.arange(some.size)
-        variance, both = (ProcessNoise() if process_noise is None else process_noise).covariance(
-            scene.step_s
-        )
-        process = np.diag(variance[6:])
-        process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
         self._scene, self._forces = scene, forces
         self._calibrated = treatment == "calibrated"
         self._model = ObserverModel(
@@ -134,7 +129,7 @@ class NavigatedEstimator(WrappedEstimator):
             np.ascontiguousarray(observer_velocities(scene)),
             frame_rotation(scene),
             TIME_UNIT_S if scene.step == 0.0 else scene.step_s / scene.step,
-            process,
+            noise_of_step(process_noise, scene.step_s),
         )
         n_observers = scene.observer_position.shape[0]
         n = n_observers * some.size
