@@ -233,7 +233,7 @@ def _is_excluded(residuals, inside):
 
 
 @njit_noalloc
-def _between(error, far, k, m):
+def _between(error, k, m):
     """Least squared residual between two ranges of the grid, and where it is, from 0 to 1."""
     up = down = cost = 0.0
     for c in range(5):
@@ -290,7 +290,7 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
         minima = 0
         for k in range(n - 1):
             if far[k] > least and far[k + 1] > least:
-                low_cost[minima], s = _between(error, far, k, k + 1)
+                low_cost[minima], s = _between(error, k, k + 1)
                 low_range[minima] = ranges[k] + s * (ranges[k + 1] - ranges[k])
                 low_rate[minima] = rho_rate[k] + s * (rho_rate[k + 1] - rho_rate[k])
                 minima += 1

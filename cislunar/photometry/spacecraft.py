@@ -10,13 +10,11 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material
 from cislunar.photometry.meshes import Mesh, closed_mesh
-
-Array = NDArray[np.float64]
 
 SURFACES: dict[str, dict[str, Material]] = {
     "box_with_wings": {"bus": FOIL, "cells": PANEL, "wing": PAINT},

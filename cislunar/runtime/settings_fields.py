@@ -244,7 +244,6 @@ Positive = number(gt=0)
 NotNegative = number(ge=0)
 Angle = number(ge=0, lt=180)
 Count = whole(ge=1, le=1_000_000_000)
-Starts = whole(ge=0, le=1_000_000_000)
 Flag = Annotated[bool, Strict()]
 Text = Annotated[str, Field(min_length=1)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]

@@ -16,15 +16,13 @@ exposures return is used.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, propagate_bundle
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
 from cislunar.runtime.arguments import array_of, number_of
-
-Array = NDArray[np.float64]
 
 _STEP_S = 300.0
 """Longest step of the propagation, for orbits of some hours about Earth and Moon."""

@@ -146,7 +146,7 @@ def _simulate(
             given = estimated, inputs.scene, inputs.forces
             measurements, shaded = without_dimming(measurements, *given)
         estimates, least, observed = _judged(
-            inputs, own, start, motion, measurements, outcome, selected, final
+            inputs, own, start, motion, measurements, selected, final
         )
         commanded, of_tracks = np.ones(outcome.size, dtype=bool), {}
     else:
@@ -367,7 +367,6 @@ def _judged(
     start: int,
     motion: Truth,
     measurements: Measurements,
-    outcome: NDArray[np.uint8],
     selected: NDArray[np.bool_],
     final: bool,
 ) -> tuple[Estimates, Array, NDArray[np.bool_]]:

@@ -137,7 +137,7 @@ def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
         if best == worst or high - low <= tolerance:
             break
         move[:] = points[best] - points[worst]
-        step = min(weight[worst], _newton_step(level, mean, move, theta, slope, high - low))
+        step = min(weight[worst], _newton_step(mean, move, theta, slope, high - low))
         for _ in range(30):
             trial[:] = mean + step * move
             logs, trial_theta, _ = _tangent(trial, level.mass, level.constant, slope)
@@ -158,7 +158,7 @@ def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
 
 
 @njit(cache=True, nogil=True)
-def _newton_step(level, mean, move, theta, slope, rise):
+def _newton_step(mean, move, theta, slope, rise):
     """Maximizer of the quadratic model of H along a direction."""
     first, second = 0.0, 0.0
     for g in range(slope.size):

@@ -163,7 +163,7 @@ def replay_page(replay: Replay) -> str:
     middle, half = bounds.mean(axis=1), 0.5 * np.ptp(bounds, axis=1)
     half = np.maximum(1.04 * half, 0.4 * half.max())
     bounds = np.column_stack((middle - half, middle + half))
-    traces = [*body_traces(earth[0], moon[0]), *_traces(replay)]
+    traces = [*body_traces(earth[0], moon[0]), *_traces()]
     figure = go.Figure(data=traces, layout=scene_layout(bounds))
     # buttons for the camera are at the right end
     legend = {"title": replay.title, "x": 0.005, "xanchor": "left", "bgcolor": "rgba(0, 0, 0, 0)"}
@@ -254,7 +254,7 @@ def _roots(covariance: Array) -> tuple[Array, Array]:
     return scale, np.where(known[..., None], root, np.nan)
 
 
-def _traces(replay: Replay) -> list[go.Scatter3d | go.Mesh3d]:
+def _traces() -> list[go.Scatter3d | go.Mesh3d]:
     """Traces without coordinates, which the script of the page sets at every time."""
     nothing = {axis: [None] for axis in "xyz"}
 

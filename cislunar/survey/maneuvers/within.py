@@ -37,7 +37,6 @@ from cislunar.survey.maneuvers.lineage import Lineage, moments, propagated
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _COARSE_S, _FINE_S, _WORTH = 900.0, 60.0, 20.0
 """Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of

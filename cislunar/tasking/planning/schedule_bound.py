@@ -22,8 +22,6 @@ from cislunar.compiled import njit
 from cislunar.tasking.planning.schedule import DetectionProbabilities, value_of_observations
 from cislunar.tasking.planning.slot_observations import SlotObservations
 
-Array = NDArray[np.float64]
-
 _MOST_CANDIDATES = 12
 
 
