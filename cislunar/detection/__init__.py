@@ -9,6 +9,5 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "process": ["DetectionProcess"],
     "tables": ["DETECTION_COLUMNS", "EXPOSURE_COLUMNS", "detection_table",
         "direction_errors", "exposure_table", "icrf_directions", "read_detections"],
-    "tracklets": ["Tracklet", "tracklet"],
 })
 # fmt: on

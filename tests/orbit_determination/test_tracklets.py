@@ -124,6 +124,8 @@ def test_attributables_are_fits_of_polynomials():
         east, north = tangent_basis(mean)
         offset = np.stack([fixed @ east, fixed @ north], axis=1) / (fixed @ mean)[:, None]
         fit, scale = np.polyfit(t - middle, offset, degree, w=np.sqrt(weight)), np.ptp(t)
+        left = offset - np.vander(t - middle, degree + 1) @ fit
+        assert one.chi_squared[0] == pytest.approx(weight @ (left**2).sum(axis=1), rel=1e-4)
         unit = mean + fit[-1] @ [east, north]
         length = np.linalg.norm(unit)
         rate = fit[-2] @ [east, north] / length

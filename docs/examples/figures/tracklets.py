@@ -11,15 +11,22 @@ import numpy as np
 
 import cislunar as cs
 from cislunar.constants import MU, TIME_UNIT_S
-from cislunar.detection import tracklet
+from cislunar.orbit_determination import attributables, make_angles
 
 halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 times_s = np.arange(0.0, 2400.0, 60.0)
-path = cs.propagate(halo.state[0], times_s / TIME_UNIT_S)
-x, y, z = (path[:, :3] - [-MU, 0.0, 0.0]).T
-angle = times_s / TIME_UNIT_S  # from the rotating frame to axes that do not rotate
-x, y = np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y
-truth = np.column_stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+times = times_s / TIME_UNIT_S
+x, y, z = (cs.propagate(halo.state[0], times)[:, :3] - [-MU, 0.0, 0.0]).T
+# from the rotating frame to axes that do not rotate
+x, y = np.cos(times) * x - np.sin(times) * y, np.sin(times) * x + np.cos(times) * y
+
+
+def angles_of(x, y, z):
+    """Right ascension and declination of vectors."""
+    return np.column_stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+
+
+truth = angles_of(x, y, z)
 
 # %%
 # The directions have a standard deviation of five arcseconds.
@@ -27,15 +34,17 @@ truth = np.column_stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
 arcsecond = np.pi / 648_000.0
 sigma = 5.0 * arcsecond
 seen = truth + np.random.default_rng(1).normal(0.0, sigma, truth.shape)
-variance = np.full(seen.shape, sigma**2)
-found = tracklet(0, np.arange(times_s.size), times_s, seen, variance)
-ra, dec, ra_rate, dec_rate = found.attributable
-deviation = np.sqrt(np.diag(found.covariance))
-print(f"rate in right ascension: {ra_rate / arcsecond:.4f} arcsec/s")
-print(f"standard deviation:      {deviation[2] / arcsecond:.4f} arcsec/s")
-print(f"chi-squared: {found.chi_squared:.1f} with {2 * times_s.size - 4} degrees of freedom")
+ra, dec = seen.T
+vectors = np.column_stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+n = times.size
+angles = make_angles(times, np.zeros(n, dtype=int), np.zeros((n, 3)), vectors, sigma)
+found = attributables(angles, [np.arange(n)], rate=0.0, degree=1)
+unit = arcsecond * TIME_UNIT_S
+print(f"rate along right ascension: {found.basis[0, 0] @ found.rate[0] / unit:.4f} arcsec/s")
+print(f"standard deviation:         {np.sqrt(found.covariance[0, 2, 2]) / unit:.4f} arcsec/s")
+print(f"chi-squared: {found.chi_squared[0]:.1f} with {2 * n - 4} degrees of freedom")
 
-line = np.array([ra, dec]) + (times_s - found.time_s)[:, None] * np.array([ra_rate, dec_rate])
+line = angles_of(*(found.direction + (times - found.time[0])[:, None] * found.rate).T)
 figure, panel = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
 for k, name in enumerate(("right ascension", "declination")):
     panel.plot(times_s / 60.0, (seen - line)[:, k] / arcsecond, "o", label=f"{name}, detections")
