@@ -2,9 +2,8 @@
 
 docs/bound.md derives it. States, order and units are those of `cislunar.evaluation.metrics`. A
 measurement is carried back to a reference time by the transition matrix and updates the Cholesky
-factor there, so that only that matrix is propagated between measurements. Without process noise the
-reference time stays the epoch; with process noise it advances at every step. The matrix of the
-translation comes from the continuous extension of long steps.
+factor there, so that only that matrix is propagated between measurements. The reference time is the
+epoch. The matrix of the translation comes from the continuous extension of long steps.
 
 Assumptions and limitations
 ---------------------------
@@ -34,7 +33,6 @@ from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_sampling import surface_table
@@ -121,33 +119,6 @@ def _carry(turn, motion, root, carried):
 
 
 @njit_noalloc
-def _restart(turn, motion):
-    """Identity as the transition from a new reference time."""
-    turn[:, :] = 0.0
-    motion[:] = 0.0
-    for i in range(6):
-        turn[i, i] = 1.0
-        motion[7 * i] = 1.0
-
-
-@njit_noalloc
-def _move_reference(turn, motion, root, carried, process_variance):
-    """Move the reference time to now and add process noise; False if definiteness is lost."""
-    _carry(turn, motion, root, carried)
-    size = root.shape[0]
-    for a in range(size):
-        for b in range(a + 1):
-            total = 0.0
-            for c in range(size):
-                total += carried[a, c] * carried[b, c]
-            root[a, b] = total
-        if a < SIZE:
-            root[a, a] += process_variance[a]
-    _restart(turn, motion)
-    return cholesky(root)
-
-
-@njit_noalloc
 def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
     """Propagate the rotation's transition matrix (6, 6 + m) over a step, in place. A rate does not
     depend on the attitude, so that the lower left blocks are zero; the last columns are by the
@@ -193,13 +164,10 @@ def _motions(forces, start, state, motion, step, steps, out):
 
 
 @njit_alloc
-def _advance_target(
-    j, first, model, truth, records, selected, process_variance, forces, state, out
-):
+def _advance_target(j, first, model, truth, records, selected, forces, state, out):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
     scene, surfaces, bodies, of_rotation, (kinds, sigma) = model
     translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
-    noisy = np.any(process_variance > 0.0)
     size = state.root.shape[1]
     rows, deviations, carried = np.empty((3, 6)), np.empty(kinds.shape[1]), np.empty((size, size))
     tall, gain, square = (size, 3), np.empty(size), np.empty((size, size))
@@ -215,27 +183,16 @@ def _advance_target(
     steps = np.flatnonzero(selected[:n_steps] | (offset[1 : n_steps + 1] > offset[:n_steps])) + 1
     if n_steps == out.shape[0] and (steps.size == 0 or steps[-1] < n_steps):
         steps = np.append(steps, n_steps)
-    motions, one = np.empty((steps.size, 42)), np.ones(1)
+    motions = np.empty((steps.size, 42))
     own = of_state(forces, j)
-    if not noisy and not _motions(
-        own, first * scene.step, translation[0], motion, scene.step, steps, motions
-    ):
+    if not _motions(own, first * scene.step, translation[0], motion, scene.step, steps, motions):
         return
     done = 0
     for step in range(n_steps):
         _turn_on(omega[step], scene.step_s, bodies, j, of_rotation, scratch, turn)
-        at_hand = done < steps.size and steps[done] == step + 1
-        if noisy:
-            start = (first + step) * scene.step
-            if not _motions(own, start, translation[step], motion, scene.step, one, motions[:1]):
-                return
-            motion[:] = motions[0, 6:]
-            if not _move_reference(turn, motion, root, carried, process_variance):
-                return
-        elif at_hand:
-            motion[:] = motions[done, 6:]
-        if not at_hand:
+        if done == steps.size or steps[done] != step + 1:
             continue
+        motion[:] = motions[done, 6:]
         done += 1
         for row in range(offset[step], offset[step + 1]):
             place = translation[step + 1], quaternion[step + 1]
@@ -257,12 +214,11 @@ def _advance_target(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(targets, first, model, truth, records, selected, process_variance, forces, state, out):
+def _advance(targets, first, model, truth, records, selected, forces, state, out):
     """Bounds of a range of targets, (target, step, 12), into `out`; see
     `CramerRaoBound.advance`."""
-    given = process_variance, forces, state
     for j in range(targets[0], targets[1]):
-        _advance_target(j, first, model, truth, records, selected, *given, out[j])
+        _advance_target(j, first, model, truth, records, selected, forces, state, out[j])
 
 
 class CramerRaoBound:
@@ -276,8 +232,6 @@ class CramerRaoBound:
         True shapes, materials and inertia.
     sigma : array_like, shape (12,)
         Initial standard deviations, see `cislunar.estimation.estimator.InitialEstimate`.
-    process_variance : array_like, shape (12,), optional
-        Added to the covariance's diagonal at each step; none, if omitted.
     estimated_parameters : BodyParameterPrior, optional
         Body parameters that have to be estimated; none, if omitted.
     forces : NamedTuple
@@ -290,21 +244,14 @@ class CramerRaoBound:
         surfaces: TargetSurfaces,
         sigma: ArrayLike,
         *,
-        process_variance: ArrayLike | None = None,
         estimated_parameters: BodyParameterPrior | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
         deviations = np.array(sigma, dtype=float)
-        process = np.zeros(SIZE) if process_variance is None else np.array(process_variance, float)
-        for key, values, good in (
-            ("sigma", deviations, deviations > 0.0),
-            ("process_variance", process, process >= 0.0),
-        ):
-            if values.shape != (SIZE,) or not np.all(good):
-                raise ConfigurationError(
-                    f"{key} = {values.tolist()}: {SIZE} numbers are needed, none negative and no "
-                    "sigma zero"
-                )
+        if deviations.shape != (SIZE,) or not np.all(deviations > 0.0):
+            raise ConfigurationError(
+                f"sigma = {deviations.tolist()}: {SIZE} positive numbers are needed"
+            )
         n_targets = surfaces.inertia.shape[0]
         prior = BodyParameterPrior() if estimated_parameters is None else estimated_parameters
         of_rotation, of_surface = prior.rotation_kinds(), surface_table(prior, surfaces)
@@ -312,7 +259,7 @@ class CramerRaoBound:
         self._model = (scene, surfaces, bodies, of_rotation, of_surface)
         n_rotation = of_rotation[0].size
         deviations = np.concatenate([deviations, np.ones(n_rotation + of_surface[0].shape[1])])
-        self._process_variance, self._forces, self._index = process, forces, 0
+        self._forces, self._index = forces, 0
         self._state = _BoundState(
             np.tile(np.diag(deviations), (n_targets, 1, 1)),
             np.tile(np.eye(6, 6 + n_rotation), (n_targets, 1, 1)),
@@ -374,8 +321,8 @@ class CramerRaoBound:
         chosen = (
             np.ones(n_offsets - 1, dtype=bool) if selected is None else np.array(selected, bool)
         )
-        given = self._model, truth, measurements, chosen, self._process_variance, self._forces
-        given = (self._index, *given, self._state, out)
+        given = self._index, self._model, truth, measurements, chosen, self._forces
+        given = (*given, self._state, out)
         share_out(lambda start, stop: _advance((start, stop), *given), n_targets)
         self._index += n_offsets - 1
         return out

@@ -72,22 +72,6 @@ def test_linear_case_in_closed_form(problem):
             assert got == pytest.approx(variance, rel=2e-3)
 
 
-def test_process_noise_adds_its_variance_at_every_step(problem):
-    never = np.full_like(problem.observer, -1)
-    variance = np.zeros(12)
-    variance[3:6] = (0.1 * problem.sigma[3]) ** 2
-    least = problem.bound(never, process_variance=variance)
-    steps = np.arange(1, problem.loop.n_steps + 1)
-    expected = np.sqrt(problem.sigma[3] ** 2 + steps * variance[3])
-    np.testing.assert_allclose(least[1, :, 3:6], expected[:, None] * np.ones(3), rtol=1e-9)
-
-
-def test_vanishing_process_noise_changes_nothing(problem):
-    """The recursion from step to step and the sum over all measurements are the same bound."""
-    tiny = problem.bound(process_variance=1e-30 * problem.sigma**2)
-    np.testing.assert_allclose(tiny, problem.bound(), rtol=1e-6)
-
-
 # Properties of a bound.
 
 
@@ -204,8 +188,6 @@ def test_only_the_final_hours_count():
     [
         ({"observer": np.zeros((3, 4), dtype=int), "ends": (180,)}, "measurements"),
         ({"sigma": np.zeros(12)}, "sigma"),
-        ({"process_variance": -np.ones(12)}, "process_variance"),
-        ({"process_variance": np.ones(3)}, "process_variance"),
         ({"noise": (0.1, -1.0, 1e-5)}, "variance"),
     ],
 )
