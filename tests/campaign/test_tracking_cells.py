@@ -561,13 +561,18 @@ def test_a_cell_holds_what_is_promised(tracked_cell):
     )
 
 
-def test_metrics_agree_with_the_stored_histories(sources):
-    full = _cell(sources, record_minutes=1)
-    error, sigma = full["error"].values.astype(float), full["sigma"].values.astype(float)
+@pytest.fixture(scope="module")
+def full_cell(sources):
+    """The cell with a record of every minute."""
+    return _cell(sources, record_minutes=1)
+
+
+def test_metrics_agree_with_the_stored_histories(sources, full_cell):
+    error, sigma = full_cell["error"].values.astype(float), full_cell["sigma"].values.astype(float)
     np.testing.assert_allclose(
-        full["coverage"], (np.abs(error) <= 3.0 * sigma).mean(axis=1), atol=1e-6
+        full_cell["coverage"], (np.abs(error) <= 3.0 * sigma).mean(axis=1), atol=1e-6
     )
-    np.testing.assert_allclose(full["rmse"], np.sqrt((error**2).mean(axis=1)), rtol=1e-5)
+    np.testing.assert_allclose(full_cell["rmse"], np.sqrt((error**2).mean(axis=1)), rtol=1e-5)
     away = np.linalg.norm(error[:, -1, :, 6:9], axis=-1)
     limit = np.sort(away.ravel())[3:5].mean()
     within = {"position_km": LENGTH_UNIT_KM * limit, "attitude_deg": 180}
@@ -587,11 +592,10 @@ def test_a_rerun_writes_the_same_bytes(sources, tracked_cell, tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_cells_share_targets_truth_and_noise(sources, tracked_cell):
+def test_cells_share_targets_truth_and_noise(sources, tracked_cell, full_cell):
     """A larger set holds the smaller one; before the first update their errors are the same."""
-    larger = _cell(sources, targets=5)
+    fine, larger = full_cell, _cell(sources, targets=5, record_minutes=1)
     np.testing.assert_array_equal(larger["target_id"][:4], tracked_cell["target_id"])
-    fine, larger = _cell(sources, record_minutes=1), _cell(sources, targets=5, record_minutes=1)
     unseen = (fine["outcome"].values[:, 0] < 5) & (larger["outcome"].values[:, 0, :4] < 5)
     assert unseen.any()
     np.testing.assert_array_equal(
