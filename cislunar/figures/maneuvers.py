@@ -18,17 +18,17 @@ _USUAL = {
 }
 _SERIES = {
     ("paper", 100): style.SeriesStyle(
-        "tasking every hour, 100 targets", style.VERMILION, style.SOLID, "s"
+        "(a), (b): tasking every hour, 100 targets", style.VERMILION, style.SOLID, "s"
     ),
     ("recommended", 100): style.SeriesStyle(
-        "slots of 20 min, 100 targets", style.BLUE, style.SOLID, "o"
+        "(a), (b): slots of 20 min, 100 targets", style.BLUE, style.SOLID, "o"
     ),
     ("recommended", 50): style.SeriesStyle(
-        "slots of 20 min, 50 targets", style.GREEN, style.SOLID, "D"
+        "(a), (b): slots of 20 min, 50 targets", style.GREEN, style.SOLID, "D"
     ),
 }
 _CLASSES = ((0.2, 0.5), (1.0, 10.0), (10.0, 100.0), (100.0, 500.0))
-_COLORS = (style.GREEN, style.SKY, style.BLUE, style.PURPLE)
+_COLORS = (style.ORANGE, style.SKY, style.BLACK, style.PURPLE)
 _RESPONSES = {"none": (style.DOTTED, "x"), "recovery": (style.SOLID, "o")}
 
 _WIDTH, _HEIGHT, _LEFT, _GAP, _FOOT, _HEAD = 1.75, 1.7, 0.75, 0.72, 1.3, 0.3
@@ -63,7 +63,7 @@ def maneuver_figure(table: pd.DataFrame) -> Figure:
     slots = table[(table["mode"] == "recommended") & (table["targets"] == 100)]
     for limits, color in zip(_CLASSES, _COLORS, strict=True):
         for response, (line, marker) in _RESPONSES.items():
-            text = f"{limits[0]:g} to {limits[1]:g} m/s"
+            text = f"(c): {limits[0]:g} to {limits[1]:g} m/s"
             text += ", maneuver estimated" if response == "recovery" else ", detected only"
             series = style.SeriesStyle(text, color, line, marker)
             some = slots[(slots["response"] == response) & (slots["smallest_m_s"] == limits[0])]
@@ -73,10 +73,7 @@ def maneuver_figure(table: pd.DataFrame) -> Figure:
     drawn[2].set_ylabel("targets in custody, %")
     drawn[2].set_xlabel("time after the maneuver, h")
     drawn[2].set_ylim(-3.0, 103.0)
-    note = (
-        "The first three entries of the legend belong to (a) and (b), the others to (c).\n"
-        "(c): slots of 20 min, 100 targets. Bars: exact 95 % binomial intervals."
-    )
+    note = "(c): slots of 20 min, 100 targets. Bars: exact 95 % binomial intervals."
     top = layout.note_below(figure, note)
     layout.legend_below(figure, handles, top, 3)
     return figure
