@@ -1,10 +1,27 @@
 """Measure the time of an action, in the same way for all benchmarks."""
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from subprocess import Popen
 from time import perf_counter, process_time
+
+HERE = Path(__file__).resolve().parents[1]
+
+
+def revision_options(description: str) -> argparse.ArgumentParser:
+    """Parser of the options of a benchmark that can compare two revisions of the project."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--other", type=Path, help="folder of another revision of the project")
+    parser.add_argument("--rounds", type=int, default=1, help="rounds, of which the least counts")
+    return parser
+
+
+def revisions(options: argparse.Namespace) -> dict[str, Path]:
+    """Folders of the revisions to compare: of another one, if there is one, and of this one."""
+    return ({"other": options.other.resolve()} if options.other else {}) | {"here": HERE}
 
 
 def best_time(action: Callable[[], object], repeats: int = 3) -> float:

@@ -6,16 +6,14 @@ A minimal tracking problem is run in a fresh process, first with an empty cache 
 cache of the first run. With `--other`, the folder of another revision, both revisions take turns.
 """
 
-import argparse
 import os
 import sys
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from _timing import process_time_of
+from _timing import process_time_of, revision_options, revisions
 
-HERE = Path(__file__).resolve().parents[1]
 LOAD = "from cislunar.campaign.kernels import KERNEL_SETS; KERNEL_SETS[{!r}].load()"
 
 
@@ -48,14 +46,10 @@ def cost(folder: Path, name: str) -> Cost:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = revision_options(__doc__.splitlines()[0])
     parser.add_argument("--sets", nargs="+", default=["tracking-mukf", "tracking-batch"])
-    parser.add_argument("--other", type=Path, help="folder of another revision of the project")
-    parser.add_argument("--rounds", type=int, default=1, help="rounds, of which the least counts")
     options = parser.parse_args()
-    folders = {"here": HERE}
-    if options.other:
-        folders = {"other": options.other.resolve()} | folders
+    folders = revisions(options)
     for name in options.sets:
         costs: dict[str, list[Cost]] = {which: [] for which in folders}
         for _ in range(options.rounds):

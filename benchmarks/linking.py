@@ -7,14 +7,12 @@ library, and by the nearest neighbor as the obvious alternative, each in a fresh
 compiled kernels. With `--other`, the folder of another revision, both revisions take turns.
 """
 
-import argparse
 import os
 import sys
 import tempfile
 from pathlib import Path
 
-from _timing import process_time_of
-from compilation import HERE
+from _timing import process_time_of, revision_options, revisions
 
 from cislunar.benchmark import REFERENCE_METHODS, make_benchmark
 
@@ -30,14 +28,10 @@ def linked(folder: Path, scenario: str, method: str) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = revision_options(__doc__.splitlines()[0])
     parser.add_argument("--size", default="medium", help="size of the benchmark")
-    parser.add_argument("--other", type=Path, help="folder of another revision of the project")
-    parser.add_argument("--rounds", type=int, default=1, help="rounds, of which the least counts")
     options = parser.parse_args()
-    folders = {"here": HERE}
-    if options.other:
-        folders = {"other": options.other.resolve()} | folders
+    folders = revisions(options)
     with tempfile.TemporaryDirectory() as temporary:
         scenario = f"{temporary}/scenario"
         make_benchmark(scenario, options.size)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, acceleration, at
 from cislunar.observation import ARCSECOND
@@ -210,40 +210,33 @@ def _coarse_residuals(dt, u, points, second, units, out):
         out[5, k] = far
 
 
+@njit_inline
+def _nearest(a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
+    """Least square of five residuals on the line from a to b, and where it is, from 0 to 1."""
+    x0, x1, x2, x3, x4 = b0 - a0, b1 - a1, b2 - a2, b3 - a3, b4 - a4
+    up = a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3 + a4 * x4
+    down = max(x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4, _TINY)
+    s = min(max(-up / down, 0.0), 1.0)
+    a0, a1, a2, a3, a4 = a0 + s * x0, a1 + s * x1, a2 + s * x2, a3 + s * x3, a4 + s * x4
+    return a0 * a0 + a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4, s
+
+
 @njit_noalloc
 def _is_excluded(residuals, inside):
     """Whether residuals (7, point) between neighbors of a coarse grid exclude a pair; row 6 is for
     their squares. `inside` is 1 for points within the largest distance, and 0 for others."""
+    e = residuals
     for k in range(residuals.shape[1] - 1):
-        r0, r1, r2 = residuals[0, k], residuals[1, k], residuals[2, k]
-        r3, r4 = residuals[3, k], residuals[4, k]
-        x0, x1, x2 = residuals[0, k + 1] - r0, residuals[1, k + 1] - r1, residuals[2, k + 1] - r2
-        x3, x4 = residuals[3, k + 1] - r3, residuals[4, k + 1] - r4
-        up = r0 * x0 + r1 * x1 + r2 * x2 + r3 * x3 + r4 * x4
-        down = max(x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4, _TINY)
-        s = min(max(-up / down, 0.0), 1.0)
-        r0, r1, r2, r3, r4 = r0 + s * x0, r1 + s * x1, r2 + s * x2, r3 + s * x3, r4 + s * x4
-        cost = r0 * r0 + r1 * r1 + r2 * r2 + r3 * r3 + r4 * r4
-        far = max(residuals[5, k] * inside[k], residuals[5, k + 1] * inside[k + 1])
-        residuals[6, k] = cost if far > 0.0 else np.inf
+        cost, _ = _nearest(
+            e[0, k], e[1, k], e[2, k], e[3, k], e[4, k],
+            e[0, k + 1], e[1, k + 1], e[2, k + 1], e[3, k + 1], e[4, k + 1],
+        )  # fmt: skip
+        far = max(e[5, k] * inside[k], e[5, k + 1] * inside[k + 1])
+        e[6, k] = cost if far > 0.0 else np.inf
     possible = 0
     for k in range(residuals.shape[1] - 1):
-        possible += residuals[6, k] <= _EXCLUDED_ABOVE
+        possible += e[6, k] <= _EXCLUDED_ABOVE
     return possible == 0
-
-
-@njit_noalloc
-def _between(error, k, m):
-    """Least squared residual between two ranges of the grid, and where it is, from 0 to 1."""
-    up = down = cost = 0.0
-    for c in range(5):
-        step = error[m, c] - error[k, c]
-        up -= error[k, c] * step
-        down += step * step
-    s = min(max(up / down, 0.0), 1.0) if down > 0.0 else 0.0
-    for c in range(5):
-        cost += (error[k, c] + s * (error[m, c] - error[k, c])) ** 2
-    return cost, s
 
 
 @njit_noalloc
@@ -290,7 +283,10 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
         minima = 0
         for k in range(n - 1):
             if far[k] > least and far[k + 1] > least:
-                low_cost[minima], s = _between(error, k, k + 1)
+                e, f = error[k], error[k + 1]
+                low_cost[minima], s = _nearest(
+                    e[0], e[1], e[2], e[3], e[4], f[0], f[1], f[2], f[3], f[4]
+                )
                 low_range[minima] = ranges[k] + s * (ranges[k + 1] - ranges[k])
                 low_rate[minima] = rho_rate[k] + s * (rho_rate[k + 1] - rho_rate[k])
                 minima += 1

@@ -96,19 +96,20 @@ def characterize_orbits(
     """
     if settings.least_detections == 0:
         return ()
-    found, rate = [], settings.angular_velocity_sigma_deg_h
-    model = unknown_rotation_model(body, uniform_attitude_sigma(), rate)
-    effort = {"searches": settings.searches, "largest_error": settings.largest_period_error}
+    rate = settings.angular_velocity_sigma_deg_h
+    model, found = unknown_rotation_model(body, uniform_attitude_sigma(), rate), []
     confirmed = np.flatnonzero(orbits.confirmed).tolist()
     for done, k in enumerate(confirmed, start=1):
         row, data = light_curve(orbits, k, angles, scene)
-        if row.size >= settings.least_detections:
-            noise = float(np.sqrt(np.median(angles.magnitude_variance[row])))
-            if noise <= settings.largest_noise_mag:
-                rng = generator(seed, "characterization", k)
-                period = spin_period(data, model, rng, **effort)
-                brightness = measured_brightness(data, model.irradiance_4pi, rng)
-                found.append(CharacterizedOrbit(k, row, data, noise, *period, *brightness))
+        noise = float(np.sqrt(np.median(angles.magnitude_variance[row]))) if row.size else np.inf
+        if row.size >= settings.least_detections and noise <= settings.largest_noise_mag:
+            rng = generator(seed, "characterization", k)
+            period = spin_period(
+                data, model, rng, searches=settings.searches,
+                largest_error=settings.largest_period_error,
+            )  # fmt: skip
+            brightness = measured_brightness(data, model.irradiance_4pi, rng)
+            found.append(CharacterizedOrbit(k, row, data, noise, *period, *brightness))
         if progress is not None:
             progress(done, len(confirmed))
     return tuple(found)
