@@ -15,8 +15,8 @@ from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.levenberg_marquardt import (
     INITIAL_DAMPING,
     WARM_DAMPING,
+    is_known,
     refine,
-    squared_distance,
 )
 from cislunar.estimation.light_curves.light_curve import (
     Anchor,
@@ -127,10 +127,10 @@ def _lowest_of_pool(hypotheses, data, model, settings, draws, starts, place, rng
     costs = np.full(starts, np.inf)
     size = hypotheses.u.shape[1]
     u, root = np.empty(size), np.empty((size, size))
-    work, filled = make_cost_work(size), 0
+    work, filled, live = make_cost_work(size), 0, hypotheses.count[0]
     for _ in range(draws):
         j = _draw(hypotheses, settings, place, rng, root, u)
-        if _near_live_mode(u, hypotheses, settings.merge_distance):
+        if is_known(u, hypotheses.u[:live], hypotheses.root[:live], settings.merge_distance):
             continue
         anchor = anchor_of(hypotheses, j)
         value = cost_with(work, u, data, anchor, model, costs[starts - 1])
@@ -147,15 +147,6 @@ def _lowest_of_pool(hypotheses, data, model, settings, draws, starts, place, rng
         origins[rank] = j
         filled = min(filled + 1, starts)
     return filled
-
-
-@njit_noalloc
-def _near_live_mode(u, hypotheses, merge_distance):
-    """Whether a point lies within the merging distance of a live mode."""
-    for j in range(hypotheses.count[0]):
-        if squared_distance(u, hypotheses.u[j], hypotheses.root[j]) < merge_distance:
-            return True
-    return False
 
 
 @njit_noalloc
@@ -199,13 +190,8 @@ def _select(hypotheses, settings, found, roots, log_weights, origins):
     for candidate in order:
         if kept == settings.modes or log_weights[candidate] < best - settings.drop:
             break
-        new = True
-        for j in range(kept):
-            distance = squared_distance(found[candidate], hypotheses.u[j], hypotheses.root[j])
-            if distance < settings.merge_distance:
-                new = False
-                break
-        if not new:
+        u, root = hypotheses.u[:kept], hypotheses.root[:kept]
+        if is_known(found[candidate], u, root, settings.merge_distance):
             continue
         origin = origins[candidate]
         hypotheses.u[kept] = found[candidate]

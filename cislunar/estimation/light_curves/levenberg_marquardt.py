@@ -33,20 +33,29 @@ def squared_distance(u, other, root):
     return total
 
 
+@njit_noalloc
+def is_known(u, known, roots, merge_distance):
+    """Whether a point is closer than the merging distance to one of the known minima."""
+    for j in range(known.shape[0]):
+        if squared_distance(u, known[j], roots[j]) < merge_distance:
+            return True
+    return False
+
+
 @njit_alloc
 def refine(
     u, data, anchor, model, damping, max_iterations, information, known, known_roots, merge_distance
 ):
     """Lower the cost from a start `u` (n,), which receives the best point found. Returns the cost
-    there, or inf once the squared distance to a minimum of `known` (m, n), given with the Cholesky
-    factors of its information, is below `merge_distance`. `information` (n, n) receives that of the
-    best point."""
+    there, or inf once a step leads to a squared distance below `merge_distance` from a minimum of
+    `known` (m, n), given with the Cholesky factors of its information. `information` (n, n)
+    receives that of the best point."""
     size = u.shape[0]
     gradient, trial_gradient = np.empty(size), np.empty(size)
     trial_information, damped = np.empty((size, size)), np.empty((size, size))
     step, trial = np.empty(size), np.empty(size)
     work = make_cost_work(size)
-    best = derivatives_with(work, u, data, anchor, model, gradient, information)
+    best = derivatives_with(work, u, data, anchor, model, np.inf, gradient, information)
     for _ in range(max_iterations):
         decrease = 0.0
         for _ in range(_LARGEST_FAILURES):
@@ -59,7 +68,9 @@ def refine(
                 solve_transposed(damped, step)
                 for i in range(size):
                     trial[i] = u[i] + step[i]
-                given = data, anchor, model, trial_gradient, trial_information
+                if is_known(trial, known, known_roots, merge_distance):
+                    return np.inf
+                given = data, anchor, model, best, trial_gradient, trial_information
                 value = derivatives_with(work, trial, *given)
                 if value < best:
                     decrease = best - value
@@ -71,9 +82,6 @@ def refine(
         copy_into(u, trial)
         copy_into(gradient, trial_gradient)
         copy_into(information, trial_information)
-        for j in range(known.shape[0]):
-            if squared_distance(u, known[j], known_roots[j]) < merge_distance:
-                return np.inf
         damping *= _DAMPING_AFTER_SUCCESS
         if decrease < _SMALLEST_DECREASE:
             break

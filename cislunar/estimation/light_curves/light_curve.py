@@ -276,19 +276,25 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     """Cost, its gradient (n,), and the Gauss-Newton approximation of its Hessian (n, n), ``Lambda +
     sum_k w_k a_k a_k^T / R``, with a_k the gradient of h_k; see `cost`."""
     work = make_cost_work(u.shape[0])
-    return derivatives_with(work, u, data, anchor, model, gradient, information)
+    return derivatives_with(work, u, data, anchor, model, np.inf, gradient, information)
 
 
 @njit_alloc
-def derivatives_with(work, u, data, anchor, model, gradient, information):
-    """`cost_and_derivatives` with given scratch."""
+def derivatives_with(work, u, data, anchor, model, stop_above, gradient, information):
+    """`cost_and_derivatives` with given scratch. As in `cost`, the summation stops above a value;
+    there are no derivatives then."""
     set_motion(u, model, True, work)
     size, total = u.shape[0], anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
-        total, squares, seen = _products_of_perturbed(total, u, data, model, work)
+        total, squares, seen = _products_of_perturbed(total, u, data, model, stop_above, work)
     else:
         no_shares = work.block[:0]
-        total, squares, seen = _sum_of_products(total, data, model, model.surface, no_shares, work)
+        total, squares, seen = _sum_of_products(
+            total, data, model, model.surface, no_shares, stop_above, work
+        )
+    value = total + _misfit(squares, seen, model)
+    if value > stop_above:
+        return value
     curvatures, slopes = fold(work.products, pull_back_matrix(u, work.start, model.sigma), size)
     trust = _trust(squares, seen, model)
     for i in range(size):
@@ -296,14 +302,14 @@ def derivatives_with(work, u, data, anchor, model, gradient, information):
         for j in range(size):
             gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
             information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
-    return total + _misfit(squares, seen, model)
+    return value
 
 
 @njit_alloc
-def _products_of_perturbed(total, u, data, model, work):
+def _products_of_perturbed(total, u, data, model, stop_above, work):
     """`_sum_of_products` for a body with surface deviations."""
     surface, shares = surface_and_shares(u, model)
-    return _sum_of_products(total, data, model, surface, shares, work)
+    return _sum_of_products(total, data, model, surface, shares, stop_above, work)
 
 
 @njit_noalloc
@@ -328,7 +334,7 @@ def differentiate_block(first, rows, data, model, surface, shares, work):
 
 
 @njit_noalloc
-def _sum_of_products(total, data, model, surface, shares, work):
+def _sum_of_products(total, data, model, surface, shares, stop_above, work):
     """Add the rows as `_sum_of_rows` does, and the products of the derivatives. Returns the cost
     without the detections, the sum of their squares, and their number."""
     block, w = work.block, work.rows
@@ -355,5 +361,7 @@ def _sum_of_products(total, data, model, surface, shares, work):
                 slope *= sharpness
                 curvature *= weight * inverse_variance
             w[MISFIT_SLOPE, k], w[CURVATURE, k] = slope, curvature
+        if total + _misfit(squares, seen, model) > stop_above:
+            break
         add_products(w, rows, work.products)
     return total, squares, seen

@@ -256,7 +256,8 @@ def _free_points(directions, rising, polygons, sizes, points, lowest):
     """
     result = np.zeros((directions.shape[0], WORDS), np.uint64)
     shadow = np.empty((4, 2))
-    free = np.empty(SAMPLES, np.int64)  # the visible points come first
+    first, second = points[:, 0].copy(), points[:, 1].copy()
+    free, inside = np.empty(SAMPLES, np.bool_), np.empty(SAMPLES, np.bool_)
     for row in range(directions.shape[0]):
         rise = directions[row, 2]
         if rise < lowest:
@@ -264,7 +265,7 @@ def _free_points(directions, rising, polygons, sizes, points, lowest):
         rise = max(rise, _GRAZING)
         slope_u, slope_v = directions[row, 0] / rise, directions[row, 1] / rise
         left = SAMPLES
-        free[:] = np.arange(SAMPLES)
+        free[:] = True
         for j in range(polygons.shape[0]):
             if rising[row, j] <= 0.0 or left == 0:
                 continue
@@ -282,22 +283,21 @@ def _free_points(directions, rising, polygons, sizes, points, lowest):
             for k in range(n):
                 m = (k + 1) % n
                 area += shadow[k, 0] * shadow[m, 1] - shadow[m, 0] * shadow[k, 1]
-            spot = 0
-            while spot < left:
-                u, v = points[free[spot], 0], points[free[spot], 1]
-                inside = low_u <= u <= high_u and low_v <= v <= high_v
-                k = 0
-                while inside and k < n:
-                    m = k + 1 if k + 1 < n else 0
-                    du, dv = shadow[m, 0] - shadow[k, 0], shadow[m, 1] - shadow[k, 1]
-                    inside = area * (du * (v - shadow[k, 1]) - dv * (u - shadow[k, 0])) >= 0.0
-                    k += 1
-                if inside:
-                    left -= 1
-                    free[spot] = free[left]
-                else:
-                    spot += 1
-        for spot in range(left):
-            s = free[spot]
-            result[row, s // 64] |= np.uint64(1) << np.uint64(s % 64)
+            # without branches, for vector instructions
+            for s in range(SAMPLES):
+                u, v = first[s], second[s]
+                inside[s] = (low_u <= u) & (u <= high_u) & (low_v <= v) & (v <= high_v)
+            for k in range(n):
+                m = k + 1 if k + 1 < n else 0
+                at_u, at_v = shadow[k, 0], shadow[k, 1]
+                du, dv = shadow[m, 0] - at_u, shadow[m, 1] - at_v
+                for s in range(SAMPLES):
+                    inside[s] &= area * (du * (second[s] - at_v) - dv * (first[s] - at_u)) >= 0.0
+            left = 0
+            for s in range(SAMPLES):
+                free[s] &= not inside[s]
+                left += free[s]
+        for s in range(SAMPLES if left > 0 else 0):
+            if free[s]:
+                result[row, s // 64] |= np.uint64(1) << np.uint64(s % 64)
     return result
