@@ -22,6 +22,7 @@ _OTHERS = {
     ".psv": "observations in the format ADES",
     ".html": "interactive page that replays the cell or survey",
 }
+_CENTER = "EARTH"
 
 
 def _ephemeris_of(path: Path, scenario: str) -> Path:
@@ -57,7 +58,7 @@ def _ephemeris_of(path: Path, scenario: str) -> Path:
 )
 @click.option(
     "--center",
-    default="EARTH",
+    default=_CENTER,
     show_default=True,
     help="Origin of states, by the CENTER_NAME of CCSDS messages.",
 )
@@ -105,9 +106,17 @@ def export(
         raise ConfigurationError(
             f"--data observers: {suffix} has no states; choose one of {', '.join(_STATES)}"
         )
+    if data == "truth" and suffix not in (*_STATES, ".aem"):
+        raise ConfigurationError(
+            f"--data truth: {suffix} has no choice of states or attitudes; omit the option"
+        )
     if center not in CENTERS:
         raise ConfigurationError(
             f"--center {center}: is unknown; choose one of {', '.join(CENTERS)}"
+        )
+    if center != _CENTER and suffix not in _STATES:
+        raise ConfigurationError(
+            f"--center {center}: {suffix} has no states; choose one of {', '.join(_STATES)}"
         )
     found = read_dataset(cell)
     if "target_id" not in found or "settings" not in found.attrs:

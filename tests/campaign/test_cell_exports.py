@@ -241,6 +241,8 @@ def test_the_command_writes_every_format(cell, inputs, results, tmp_path):
     [
         (["--output", "a.xyz"], "--output a.xyz: the ending must be one of .oem, .csv, .ocm"),
         (["--output", "a.aem", "--data", "observers"], "--data observers: .aem has no states"),
+        (["--output", "a.tdm", "--data", "truth"], "--data truth: .tdm has no choice of states"),
+        (["--output", "a.aem", "--center", "MOON"], "--center MOON: .aem has no states; choose"),
         (["--output", "a.oem", "--realization", "4"], "--realization 4: the cell has 1, counted"),
         (["--output", "a.oem", "--ephemeris", "no.nc"], "no.nc: no such file"),
     ],
