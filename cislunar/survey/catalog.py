@@ -46,6 +46,7 @@ from cislunar.survey.maneuvers import (
 )
 from cislunar.survey.navigation import (
     ObserverCalibration,
+    RemainingErrors,
     calibrate,
     considered,
     corrected_angles,
@@ -248,7 +249,11 @@ class SurveyCatalog:
             self.orbits = self.orbits._replace(
                 fits=considered(self.orbits.fits, *given, forces=self.forces)
             )
-        uncertain = {"settings": self.lineage, "radiation_sigma": self.radiation_sigma}
+        uncertain = {
+            "settings": self.lineage,
+            "radiation_sigma": self.radiation_sigma,
+            "remaining": self._remaining,
+        }
         if self.lineage.maneuvers_per_day == 0.0 and self.radiation_sigma > 0.0:
             own, given = np.flatnonzero(self.orbits.confirmed), self.orbits.fits
             fits, _ = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
@@ -274,8 +279,15 @@ class SurveyCatalog:
                 self.errors.assumed,
                 self.calibration,
                 forces=self.forces,
+                radiation_sigma=self.radiation_sigma,
             )
         return self.orbits
+
+    @property
+    def _remaining(self) -> RemainingErrors | None:
+        if self.calibration is None:
+            return None
+        return RemainingErrors(self._measured, self.scene, self.calibration)
 
     def _fit(self, angles: Angles, *given: Any, forces: tuple) -> OrbitFits:
         """Orbits with the covariance that considers the errors of the observers."""

@@ -34,9 +34,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.special import log_ndtr, logsumexp, ndtr
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics import VELOCITY_UNIT_M_S, propagate_stm
-from cislunar.errors import CislunarError
+from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits
+from cislunar.survey.paths import propagated
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
@@ -48,9 +48,6 @@ _COARSE_S, _FINE_S = 600.0, 60.0
 _GATE, _CURVED = 8.0, 0.02
 """Gate of an encounter in standard deviations, and the share of the relative displacement within an
 interval by which a straight line may be wrong."""
-
-_TOLERANCE = 1e-9
-"""Of the propagation, relative to one unit of length."""
 
 _WIDE, _MASS = 1e-3, 1e-9
 """Width of an interval in standard deviations, and probability of it, below which its moments are
@@ -150,19 +147,6 @@ def orbit_paths(
         state[own], upper = moved, stm[:, :, :3]
         covariance[own] = upper @ fits.covariance[own, None] @ upper.swapaxes(2, 3)
     return OrbitPaths(time, state, covariance)
-
-
-def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
-    """States (n, m, 6) and transition matrices at common times; NaN where there is none."""
-    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
-    try:
-        return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
-    except CislunarError:
-        if len(state) == 1:
-            shape = 1, time.size, 6
-            return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
-    parts = [propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
-    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
 def find_lineage(

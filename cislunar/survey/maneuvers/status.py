@@ -23,6 +23,7 @@ from cislunar.survey.maneuvers.division import divided, overlapping_pairs, repla
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
 from cislunar.survey.maneuvers.misses import FieldHistory, log_missed
 from cislunar.survey.maneuvers.within import maneuvers_within
+from cislunar.survey.navigation import RemainingErrors
 from cislunar.survey.settings import LineageSettings
 
 CURRENT, LOST, SUPERSEDED = "current", "lost", "superseded"
@@ -78,6 +79,7 @@ def maneuvered_orbits(
     linking: LinkingSettings,
     settings: LineageSettings,
     radiation_sigma: float = 0.0,
+    remaining: RemainingErrors | None = None,
     watch: Watch | None = None,
     fit: Callable[..., OrbitFits] = fit_orbits,
 ) -> ManeuveredOrbits:
@@ -93,7 +95,7 @@ def maneuvered_orbits(
     region : AdmissibleRegion
     linking : LinkingSettings
     settings : LineageSettings
-    radiation_sigma : float
+    radiation_sigma, remaining
         See `cislunar.survey.maneuvers.maneuvers_within`.
     watch : Watch, optional
         Without it no orbit is lost.
@@ -108,7 +110,8 @@ def maneuvered_orbits(
     single = np.array([each == ORBIT for each in linked.verdict], dtype=bool)
     own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
     sure = linked.confirmed[own].copy()
-    inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma}
+    inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma,
+              "remaining": remaining}  # fmt: skip
     alone = linked.fits.take(own)
     fits, within = maneuvers_within(alone, angles, **inside)
     status = np.full(linked.log_ratio.size, CURRENT, dtype=object)

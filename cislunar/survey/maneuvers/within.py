@@ -16,7 +16,8 @@ mixture over times and scales. If the maneuver is certain, another one is sought
 derivatives by the most probable one among those of A.
 
 If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
-derivative by it, and its prior is a further residual.
+derivative by it, and its prior is a further residual. Covariances consider what remains of the
+errors of the observers (`cislunar.survey.navigation`).
 
 Assumptions and limitations
 ---------------------------
@@ -31,9 +32,11 @@ from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics import VELOCITY_UNIT_M_S, Radiation
+from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import Angles, OrbitFits
-from cislunar.survey.maneuvers.lineage import Lineage, moments, propagated
+from cislunar.survey.maneuvers.lineage import Lineage, moments
+from cislunar.survey.navigation import RemainingErrors
+from cislunar.survey.paths import by_radiation, propagated
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
@@ -53,6 +56,7 @@ def maneuvers_within(
     forces: tuple,
     settings: LineageSettings,
     radiation_sigma: float = 0.0,
+    remaining: RemainingErrors | None = None,
 ) -> tuple[OrbitFits, Lineage]:
     """Orbits whose states and covariances allow for maneuvers between their detections, and for an
     uncertain radiation pressure.
@@ -69,6 +73,8 @@ def maneuvers_within(
     radiation_sigma : float
         Standard deviation of the factor of the radiation pressure on an object; 0: it is as in
         `forces`.
+    remaining : RemainingErrors, optional
+        Errors of the observers that the covariances of the fits consider; none if omitted.
 
     Returns
     -------
@@ -83,7 +89,7 @@ def maneuvers_within(
     state, covariance, root = (each.copy() for each in fits[1:4])
     rows: list[tuple] = []
     for k in range(fits.epoch.size):
-        found = _Search(fits, k, angles, forces, settings, radiation_sigma)
+        found = _Search(fits, k, angles, forces, settings, radiation_sigma, remaining)
         rows += found.maneuvers()
         if found.moved:
             state[k], covariance[k] = found.state, found.covariance
@@ -116,26 +122,24 @@ class _Search:
         forces: tuple,
         settings: LineageSettings,
         radiation_sigma: float,
+        remaining: RemainingErrors | None,
     ) -> None:
         self.k, self.settings, self.forces, self.moved = k, settings, forces, False
         self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
         self.state, self.covariance = fits.state[k], fits.covariance[k]
-        own = angles.rows(fits.row[fits.begin[k] : fits.begin[k + 1]])
-        self.time = own.time
+        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+        own = angles.rows(rows)
+        self.time, self.remaining = own.time, remaining
         path, stm = (each[0] for each in propagated(self.start, self.epoch, own.time, forces))
         way = path[:, :3] - own.observer_position
         along = np.sum(way * own.direction, axis=1)
-        basis = own.basis / along[:, None, None]
-        white = np.linalg.solve(np.linalg.cholesky(own.covariance), basis)
+        root = np.linalg.cholesky(own.covariance)
+        white = np.linalg.solve(root, own.basis / along[:, None, None])
+        self.white, self.own = np.linalg.inv(root), (rows, own, along)
         self.residual = -np.einsum("nac,nc->na", white, way).ravel()
         self.by_state = white @ stm[:, :3]
-        # in standard deviations of the factor
-        self.by_factor = np.empty((self.residual.size, 0))
-        if radiation_sigma > 0.0 and isinstance(getattr(forces, "radiation", None), Radiation):
-            strength = forces.radiation.strength * (1.0 + radiation_sigma)
-            changed = forces._replace(radiation=forces.radiation._replace(strength=strength))
-            shift = propagated(self.start, self.epoch, own.time, changed)[0][0] - path
-            self.by_factor = np.einsum("nac,nc->na", white, shift[:, :3]).reshape(-1, 1)
+        shift = by_radiation(self.start, self.epoch, own.time, path, forces, radiation_sigma)
+        self.by_factor = (white @ shift).reshape(self.residual.size, -1)
         self.scales = np.array(settings.scales_m_s)[:, None] / VELOCITY_UNIT_M_S
         self.rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
 
@@ -163,20 +167,28 @@ class _Search:
         log_part = 0.5 * (np.einsum("sti,ti->st", change, d) - whole)
         return log_part + np.log(self.rate * width / self.scales.size), change, spread
 
+    def _covariance(self, q: Array, inverse: Array) -> Array:
+        """Covariance of the state by the noise, and by what remains of the observers' errors."""
+        if self.remaining is None:
+            return (inverse @ inverse.T)[:6, :6]
+        gain = inverse[:6] @ q.T
+        count = self.residual.size
+        of_angles = np.einsum("inb,nbc->inc", gain[:, :count].reshape(6, -1, 2), self.white)
+        return self.remaining.covariance(of_angles, *self.own) + gain[:, count:] @ gain[:, count:].T
+
     def maneuvers(self) -> list[tuple]:
         """Rows of a `Lineage`; changes the state and the covariance."""
         rows: list[tuple] = []
         given, base = (self.state, self.covariance), None
         design, residual = self.by_state.reshape(-1, 6), self.residual
-        if self.by_factor.size and np.all(np.isfinite(self.by_factor)):
-            base = _inverse(design)[1]
-            base = base @ base.T
+        if self.by_factor.size:
+            base = self._covariance(*_inverse(design))
             design = np.block([[design, self.by_factor], [np.zeros((1, 6)), np.ones((1, 1))]])
             residual = np.append(residual, 0.0)
             q, inverse = _inverse(design)
             self.moved = True
             self.state = given[0] + (inverse @ (q.T @ residual))[:6]
-            self.covariance = given[1] + (inverse @ inverse.T)[:6, :6] - base
+            self.covariance = given[1] + self._covariance(q, inverse) - base
         span = self.time[-1] - self.time[0]
         count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
@@ -200,7 +212,7 @@ class _Search:
                 break
             probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
             gain = -(inverse @ (q.T @ impulse))[:, :6]
-            covariance = (inverse @ inverse.T)[:6, :6]
+            covariance = self._covariance(q, inverse)
             base = covariance if base is None else base
             shift, extra = moments(
                 share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),

@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "calibration": ["ObserverCalibration", "calibrate", "considered",
+    "calibration": ["ObserverCalibration", "RemainingErrors", "calibrate", "considered",
         "corrected_angles", "uncalibrated"],
 })
 # fmt: on

@@ -13,6 +13,8 @@ all observers (Tapley, Schutz & Born 2004, Statistical Orbit Determination, sect
     N = P_0^-1 + sum (G'WG - G'WA (A'WA)^-1 A'WG),
     N b = sum (G'W r - G'WA (A'WA)^-1 A'W r).                                                  (2)
 
+If the radiation pressure on objects is uncertain, its factor with its prior is eliminated with dx.
+
 Detections are corrected by the estimate. What remains of the errors adds to the variances of the
 angles with which detections are linked, that of the position as seen from a tenth of the Earth-Moon
 distance. It is common to all detections of an observer, so that the covariance of an orbit
@@ -29,10 +31,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.dynamics import propagate_stm
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
+from cislunar.survey.paths import by_radiation, propagated
 
 Array = NDArray[np.float64]
 
@@ -57,14 +59,52 @@ class ObserverCalibration(NamedTuple):
     covariance: Array
 
 
+class RemainingErrors(NamedTuple):
+    """What is uncertain about detections once the errors of their observers are corrected.
+
+    Attributes
+    ----------
+    angles : Angles
+        As measured.
+    scene : Scene
+    errors : ObserverCalibration
+    """
+
+    angles: Angles
+    scene: Scene
+    errors: ObserverCalibration
+
+    def covariance(self, gain: Array, rows: NDArray[np.int64], own: Angles, along: Array) -> Array:
+        """Covariance (m, m) of m quantities that are estimated with a gain, equation (3).
+
+        Parameters
+        ----------
+        gain : ndarray, shape (m, row, 2)
+        rows : ndarray of int, shape (row,)
+            Of the detections.
+        own : Angles
+            The detections, corrected.
+        along : ndarray, shape (row,)
+            Ranges, nondimensional.
+        """
+        total = self.errors.covariance.reshape(self.errors.mean.size, -1)
+        noise = np.einsum("inb,nbc,jnc->ij", gain, self.angles.covariance[rows], gain)
+        by_error = _by_error(own, along, self.scene)
+        shift = gain.reshape(len(gain), -1) @ by_error.reshape(-1, len(total))
+        return noise + shift @ total @ shift.T
+
+
 class _Linearized(NamedTuple):
-    """Rows of angles of an orbit; its offsets r (row, 2); A (row, 2, 6) for the state at its epoch,
-    and G (row, 2, observer * 5), equation (1)."""
+    """Rows of angles of an orbit, the corrected angles and the ranges; the offsets r (row, 2); A
+    (row, 2, 6) for the state at its epoch, and derivatives (row, 2, 0 or 1) by the radiation
+    pressure."""
 
     rows: NDArray[np.int64]
+    own: Angles
+    along: Array
     offset: Array
     by_state: Array
-    by_error: Array
+    by_factor: Array
 
 
 def uncalibrated(prior: ObserverErrorSigma, n_observers: int) -> ObserverCalibration:
@@ -114,6 +154,7 @@ def calibrate(
     errors: ObserverCalibration,
     *,
     forces: tuple,
+    radiation_sigma: float = 0.0,
 ) -> ObserverCalibration:
     """Estimate the errors of the observers from the residuals of orbits, equation (2).
 
@@ -130,6 +171,8 @@ def calibrate(
         With which the orbits were fitted.
     forces : NamedTuple
         CR3BP or ephemeris forces.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
 
     Returns
     -------
@@ -143,13 +186,19 @@ def calibrate(
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
     measured = corrected_angles(angles, scene, errors)
     for k in range(fits.epoch.size):
-        rows, offset, by_state, by_error = _linearized(fits, k, measured, scene, forces)
-        white = np.linalg.inv(np.linalg.cholesky(angles.covariance[rows]))
+        orbit = _linearized(fits, k, measured, forces, radiation_sigma)
+        white = np.linalg.inv(np.linalg.cholesky(angles.covariance[orbit.rows]))
+        by_error = _by_error(orbit.own, orbit.along, scene).reshape(*orbit.offset.shape, -1)
         g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
-        q, _ = np.linalg.qr((white @ by_state).reshape(-1, 6))
+        others = white @ np.concatenate([orbit.by_state, orbit.by_factor], axis=2)
+        others = others.reshape(len(g), -1)
+        more = others.shape[1] - 6  # rows of the prior of the factor
+        others = np.concatenate([others, np.eye(more, 6 + more, 6)])
+        q, _ = np.linalg.qr(others / np.linalg.norm(others, axis=0))
+        g = np.concatenate([g, np.zeros((more, sigma.size))])
         g -= q @ (q.T @ g)
         normal += g.T @ g
-        right += g.T @ (white @ offset[..., None]).ravel()
+        right += g[: len(g) - more].T @ (white @ orbit.offset[..., None]).ravel()
     covariance = np.linalg.inv(normal)
     mean = (sigma * (covariance @ right)).reshape(shape)
     scaled = sigma[:, None] * covariance * sigma
@@ -183,42 +232,44 @@ def considered(
         With other covariances and roots; those of fits that have not converged are kept.
     """
     measured = corrected_angles(angles, scene, errors)
-    total = errors.covariance.reshape(errors.mean.size, -1)
+    remaining = RemainingErrors(angles, scene, errors)
     covariance, root = fits.covariance.copy(), fits.root.copy()
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        rows, _, by_state, by_error = _linearized(fits, k, measured, scene, forces)
-        weighted = np.linalg.solve(measured.covariance[rows], by_state).reshape(-1, 6)
+        rows, own, along, _, by_state, _ = _linearized(fits, k, measured, forces, 0.0)
+        weighted = np.linalg.solve(own.covariance, by_state).reshape(-1, 6)
         gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)
-        noise = np.einsum("inb,nbc,jnc->ij", gain, angles.covariance[rows], gain)
-        shift = gain.reshape(6, -1) @ by_error.reshape(-1, len(total))
-        covariance[k] = noise + shift @ total @ shift.T
+        covariance[k] = remaining.covariance(gain, rows, own, along)
         value, axes = np.linalg.eigh(covariance[k])
         root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
     return fits._replace(covariance=covariance, root=root)
 
 
 def _linearized(
-    fits: OrbitFits, k: int, measured: Angles, scene: Scene, forces: tuple
+    fits: OrbitFits, k: int, measured: Angles, forces: tuple, radiation_sigma: float
 ) -> _Linearized:
     rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
-    epoch, n_observers = fits.epoch[k : k + 1], scene.observer_position.shape[0]
-    state, stm = propagate_stm(
-        fits.state[k : k + 1], measured.time[rows][None] - epoch, forces=forces, start=epoch
-    )
-    own = measured.rows(rows)
-    way = state[0, :, :3] - own.observer_position
+    given, own = (fits.state[k : k + 1], fits.epoch[k : k + 1]), measured.rows(rows)
+    path, stm = (each[0] for each in propagated(*given, own.time, forces))
+    way = path[:, :3] - own.observer_position
     along = np.sum(way * own.direction, axis=1)
     basis = own.basis / along[:, None, None]
-    by_error = np.zeros((rows.size, 2, n_observers, _ESTIMATED))
-    each = np.arange(rows.size)
-    by_error[each, :, own.observer, :3] = basis
-    by_error[each[:, None], [0, 1], own.observer[:, None], [3, 4]] = -_scale(own, scene)
     return _Linearized(
         rows,
+        own,
+        along,
         np.einsum("nac,nc->na", basis, way),
-        basis @ stm[0, :, :3],
-        by_error.reshape(rows.size, 2, -1),
+        basis @ stm[:, :3],
+        basis @ by_radiation(*given, own.time, path, forces, radiation_sigma),
     )
+
+
+def _by_error(own: Angles, along: Array, scene: Scene) -> Array:
+    """G (row, 2, observer, 5) of equation (1)."""
+    result = np.zeros((along.size, 2, scene.observer_position.shape[0], _ESTIMATED))
+    each = np.arange(along.size)
+    result[each, :, own.observer, :3] = own.basis / along[:, None, None]
+    result[each[:, None], [0, 1], own.observer[:, None], [3, 4]] = -_scale(own, scene)
+    return result
 
 
 def _scale(angles: Angles, scene: Scene) -> Array:
