@@ -179,16 +179,14 @@ class _Search:
     def maneuvers(self) -> list[tuple]:
         """Rows of a `Lineage`; changes the state and the covariance."""
         rows: list[tuple] = []
-        given, base = (self.state, self.covariance), None
-        design, residual = self.by_state.reshape(-1, 6), self.residual
+        given, design, residual = self.state, self.by_state.reshape(-1, 6), self.residual
         if self.by_factor.size:
-            base = self._covariance(*_inverse(design))
             design = np.block([[design, self.by_factor], [np.zeros((1, 6)), np.ones((1, 1))]])
             residual = np.append(residual, 0.0)
             q, inverse = _inverse(design)
             self.moved = True
-            self.state = given[0] + (inverse @ (q.T @ residual))[:6]
-            self.covariance = given[1] + self._covariance(q, inverse) - base
+            self.state = given + (inverse @ (q.T @ residual))[:6]
+            self.covariance = self._covariance(q, inverse)
         span = self.time[-1] - self.time[0]
         count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
@@ -212,15 +210,13 @@ class _Search:
                 break
             probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
             gain = -(inverse @ (q.T @ impulse))[:, :6]
-            covariance = self._covariance(q, inverse)
-            base = covariance if base is None else base
             shift, extra = moments(
                 share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
             )  # fmt: skip
-            still = given[0] + (inverse @ (q.T @ residual))[:6]
+            still = given + (inverse @ (q.T @ residual))[:6]
             self.moved = True
-            self.state, self.covariance = still + shift, given[1] + covariance - base + extra
+            self.state, self.covariance = still + shift, self._covariance(q, inverse) + extra
             if probability < self.settings.least_probability:
                 break
             at = share.sum(axis=0)
