@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtri
 
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
@@ -29,6 +30,9 @@ from cislunar.survey.settings import QualitySettings
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+
+_LARGEST_NEES = float(chdtri(6, 0.05))
+"""95th percentile of chi squared with six degrees of freedom."""
 
 ORBIT_COLUMNS = (
     "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
@@ -65,6 +69,8 @@ class CatalogState(NamedTuple):
         Share of the detections in confirmed orbits that are of the object that most are of.
     nees : float
         Mean normalized estimation error squared of the right confirmed orbits; 6 if consistent.
+    covered : float
+        Share of them whose true state is within the region of 95 % of their covariance.
     median_error_km : float
         Median position error of the right confirmed orbits.
     completeness_maneuvering : float
@@ -102,6 +108,7 @@ class CatalogState(NamedTuple):
     completeness_all_outside: float
     purity: float
     nees: float
+    covered: float
     median_error_km: float
     completeness_maneuvering: float
     custody: float
@@ -282,6 +289,7 @@ def catalog_state(
         completeness_all_outside=shares[2][1],
         purity=share(real["right_detections"].sum(), total),
         nees=_mean(good["nees"]),
+        covered=share((good["nees"] <= _LARGEST_NEES).sum(), len(good)),
         median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),
         completeness_maneuvering=completeness(moved)[0],
         custody=share((kept & findable).sum(), findable.sum()),

@@ -43,6 +43,7 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     assert found.custody == pytest.approx(1 / 5)  # object 1 is 40 km from its prediction
     assert found.purity == pytest.approx(49 / 60)  # of the false orbit none
     assert found.nees == pytest.approx(np.mean([4.0, 8.0, 6000.0, 6.0]))
+    assert found.covered == pytest.approx(3 / 4)  # chi squared of six degrees of freedom: 12.6
     assert found.nees_ballistic == pytest.approx(6.0)
     assert found.nees_now_ballistic == pytest.approx(np.mean([6.0, 10.0, 6.0]))
     # object 2 is farther from its orbit than a right one, and that of object 3 is not confirmed

@@ -26,6 +26,7 @@ _QUANTITIES = {
     "Maneuvering (%)": ("completeness_maneuvering", ".1f", 100.0),
     "In custody (%)": ("custody", ".1f", 100.0),
     "NEES": ("nees", ".2f", 1.0),
+    "True state within the region of 95 % (%)": ("covered", ".1f", 100.0),
     "NEES, no maneuver so far": ("nees_ballistic", ".2f", 1.0),
     "NEES now, no maneuver so far": ("nees_now_ballistic", ".2f", 1.0),
     "Error of known objects (km)": ("error_known_km", ".2f", 1.0),

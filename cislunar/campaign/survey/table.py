@@ -15,10 +15,10 @@ QUANTITIES = (
     "detected", "findable", "right", "right_difference", "wrong", "false", "duplicate",
     "candidates", "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
-    "wrong_share", "nees", "completeness_maneuvering", "custody", "nees_now", "nees_ballistic",
-    "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost", "hours_to_catalog",
-    "undetected", "bright", "period_determined", "period_half_width", "period_covered",
-    "amplitude_covered", "area_albedo_covered",
+    "wrong_share", "nees", "covered", "completeness_maneuvering", "custody", "nees_now",
+    "nees_ballistic", "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost",
+    "hours_to_catalog", "undetected", "bright", "period_determined", "period_half_width",
+    "period_covered", "amplitude_covered", "area_albedo_covered",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState` and, from `bright` on,
 `cislunar.survey.CharacterizationQuality`. `right_difference`: right orbits
@@ -33,7 +33,8 @@ _COUNTS = ("wrong", "false", "duplicate")
 
 _SHARES = {
     "linked_share": "findable", "completeness": "findable", "custody": "findable",
-    "completeness_all": "objects", "wrong_share": "confirmed", "period_determined": "bright",
+    "completeness_all": "objects", "wrong_share": "confirmed", "covered": "right",
+    "period_determined": "bright",
     "period_covered": "determined", "amplitude_covered": "bright", "area_albedo_covered": "bright",
 }  # fmt: skip
 """Shares, and what they are of."""
