@@ -92,7 +92,7 @@ def config(tmp_path):
     return read_campaign(ROOT / "config") | {"results": str(tmp_path / "results")}
 
 
-def test_where_nothing_is_seen_it_is_said(config, caplog):
+def test_a_run_without_observations_is_reported(config, caplog):
     config = with_change(config, "visibility.duration_days", 1)
     config = with_change(config, "visibility.limiting_magnitude", -20)
     state = [[1.14, 0.0, -0.16, 0.0, -0.223, 0.0], [1.14, 0.0, 0.16, 0.0, -0.223, 0.0]]

@@ -324,7 +324,7 @@ def test_changes_of_a_variant_are_checked_like_settings(config, change, message)
     assert "\n" not in str(caught.value)
 
 
-def test_truth_is_the_belief_unless_said_otherwise(config):
+def test_the_truth_is_the_assumed_model_unless_stated(config):
     assumed = CellSettings(**cell_settings(config["task2"]))
     true = true_settings(assumed)
     for key in ("material", "body", "sensor"):
@@ -338,7 +338,7 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
     assert not model.angular_acceleration.any()
 
 
-def test_unknowns_are_said_where_there_are_some(config):
+def test_deviations_are_reported_where_there_are_some(config):
     """A file made without them is that of today: jobs are not made anew for a key of no effect."""
     usual = cell_settings(config["task2"])
     assert not {"estimated_parameters", "noise_freedom"} & set(usual["batch"])
@@ -443,7 +443,7 @@ def test_seeds_do_not_depend_on_their_number():
     assert len({*realization_seeds(5, 50), *realization_seeds(6, 50)}) == 100
 
 
-def test_settings_of_bodies_are_said_where_they_are_unusual(config):
+def test_unusual_settings_of_bodies_are_reported(config):
     usual = cell_settings(config["task2"])
     assert not {"materials", "table"} & set(usual["body"])
     config["task2"]["body"] |= {"shape": "upper-stage", "radius_m": None, "materials": "a=foil"}

@@ -99,7 +99,7 @@ def tracked_cell(sources):
     return _cell(sources)
 
 
-def test_a_cell_holds_what_is_promised(tracked_cell):
+def test_a_cell_has_the_documented_content(tracked_cell):
     sizes = {"seed": 2, "epoch": 3, "observer": 3, "time": 18, "step": 180, "target": 4}
     assert dict(tracked_cell.sizes) == sizes | {"component": 12, "part": 4}
     dims = {
@@ -407,7 +407,7 @@ def test_the_error_at_the_end_counts_every_target(summary, tracked_cell):
     assert row["mean"] == pytest.approx(np.prod(each) ** 0.25)
 
 
-def test_error_over_bound_stands_in_the_tables(summary, tracked_cell):
+def test_tables_contain_the_ratio_of_error_to_bound(summary, tracked_cell):
     table = tracking_rows(summary)
     own = table[(table.variant == "") & table.quantity.isin(["bound_ratio_90", "anees_mean"])]
     assert len(own) == 8 and set(own.unit) == {"1"}

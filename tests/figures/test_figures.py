@@ -331,7 +331,7 @@ def test_axis_of_whole_numbers_is_wide_enough_for_two(searched):
     assert low <= 9.0 and high >= 11.0
 
 
-def test_a_front_of_nothing_says_so(searched):
+def test_an_empty_front_is_stated(searched):
     """Where no target is ever seen, no logarithmic axis shows J."""
     fronts, architectures, _, coverage = searched
     dark = {"Extra": fronts["Extra"] * 0.0}

@@ -205,7 +205,7 @@ NAMES = (
 )
 
 
-def test_a_panel_without_values_says_so():
+def test_a_panel_without_values_is_labeled():
     drawn = [np.array([np.nan]), np.array([1.0])]
     (panels,) = draw_rows(
         style.new_figure(3.0),
