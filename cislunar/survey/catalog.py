@@ -193,7 +193,7 @@ class SurveyCatalog:
         those without a detection included."""
         self._area_deg2 += area_deg2
         if angles.time.size:
-            self._angles.append(angles)
+            self._angles.append(angles._replace(light_delay=0.0))
             self._limits.append(np.asarray(limiting_magnitude, dtype=float))
         return angles
 
@@ -219,9 +219,10 @@ class SurveyCatalog:
     def _measured(self) -> Angles:
         if not self._angles:
             return _nothing()
-        parts = zip(*(each[:-1] for each in self._angles), strict=True)
-        columns = [np.concatenate(each) for each in parts]
-        return Angles(*columns, 0.0)
+        if len(self._angles) > 1:
+            parts = zip(*(each[:-1] for each in self._angles), strict=True)
+            self._angles = [Angles(*(np.concatenate(each) for each in parts), 0.0)]
+        return self._angles[0]
 
     def link(self) -> LinkedOrbits:
         """Link all tracklets so far, continuing the orbits of the last time."""

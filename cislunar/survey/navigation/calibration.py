@@ -184,9 +184,9 @@ def calibrate(
     # in standard deviations of the prior
     normal = np.eye(sigma.size)
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
-    measured = corrected_angles(angles, scene, errors)
+    given = RemainingErrors(angles, scene, errors)
     for k in range(fits.epoch.size):
-        orbit = _linearized(fits, k, measured, forces, radiation_sigma)
+        orbit = _linearized(fits, k, given, forces, radiation_sigma)
         white = np.linalg.inv(np.linalg.cholesky(angles.covariance[orbit.rows]))
         by_error = _by_error(orbit.own, orbit.along, scene).reshape(*orbit.offset.shape, -1)
         g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
@@ -231,11 +231,10 @@ def considered(
     OrbitFits
         With other covariances and roots; those of fits that have not converged are kept.
     """
-    measured = corrected_angles(angles, scene, errors)
     remaining = RemainingErrors(angles, scene, errors)
     covariance, root = fits.covariance.copy(), fits.root.copy()
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        rows, own, along, _, by_state, _ = _linearized(fits, k, measured, forces, 0.0)
+        rows, own, along, _, by_state, _ = _linearized(fits, k, remaining, forces, 0.0)
         weighted = np.linalg.solve(own.covariance, by_state).reshape(-1, 6)
         gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)
         covariance[k] = remaining.covariance(gain, rows, own, along)
@@ -245,10 +244,10 @@ def considered(
 
 
 def _linearized(
-    fits: OrbitFits, k: int, measured: Angles, forces: tuple, radiation_sigma: float
+    fits: OrbitFits, k: int, measured: RemainingErrors, forces: tuple, radiation_sigma: float
 ) -> _Linearized:
-    rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
-    given, own = (fits.state[k : k + 1], fits.epoch[k : k + 1]), measured.rows(rows)
+    rows, given = fits.row[fits.begin[k] : fits.begin[k + 1]], (fits.state[[k]], fits.epoch[[k]])
+    own = corrected_angles(measured.angles.rows(rows), measured.scene, measured.errors)
     path, stm = (each[0] for each in propagated(*given, own.time, forces))
     way = path[:, :3] - own.observer_position
     along = np.sum(way * own.direction, axis=1)
