@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
@@ -163,4 +163,4 @@ def detection_probability(
     ndarray, shape (observer, object)
     """
     brighter = np.asarray(margin) + 2.5 * np.log10(np.asarray(size_m2, dtype=float))
-    return (1.0 - loss) * norm.cdf(brighter / sigma_mag)
+    return (1.0 - loss) * ndtr(brighter / sigma_mag)

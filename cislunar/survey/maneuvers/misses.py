@@ -138,6 +138,8 @@ def log_missed(
                 apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)
                 inside &= apart > gate + _NEXT
             rows = unseen[inside]
+            if rows.size == 0:
+                continue
             bright = margin[o, inside, None] - offset[rows]
             chance = detection_probability(bright, size[rows, None], sigma[o], loss)
             best[rows, :, o] = np.maximum(best[rows, :, o], chance)
