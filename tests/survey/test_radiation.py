@@ -20,7 +20,7 @@ from cislunar.survey.navigation import (
     corrected_angles,
     uncalibrated,
 )
-from cislunar.survey.paths import by_radiation, propagated
+from cislunar.survey.navigation.paths import by_radiation, propagated
 
 START, SIGMA, DEVIATION, OBJECTS = tdb_seconds("2024-10-01T00:00:00"), np.pi / 648_000.0, 0.3, 24
 DAYS, OBSERVERS, STEP_S = 5, 3, 7_200.0

@@ -35,8 +35,7 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import Angles, OrbitFits
 from cislunar.survey.maneuvers.lineage import Lineage, moments
-from cislunar.survey.navigation import RemainingErrors
-from cislunar.survey.paths import by_radiation, propagated
+from cislunar.survey.navigation import RemainingErrors, by_radiation, propagated
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]

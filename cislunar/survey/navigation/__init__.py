@@ -1,4 +1,5 @@
-"""Errors of the observers of a survey: their effect on linking, and their calibration."""
+"""Errors of the observers of a survey: their effect on linking, their calibration, and the paths of
+orbits that both need."""
 
 import lazy_loader as _lazy
 
@@ -6,5 +7,6 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "calibration": ["ObserverCalibration", "RemainingErrors", "calibrate", "considered",
         "corrected_angles", "uncalibrated"],
+    "paths": ["by_radiation", "propagated"],
 })
 # fmt: on

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
-from cislunar.survey.paths import by_radiation, propagated
+from cislunar.survey.navigation.paths import by_radiation, propagated
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,24 @@ _TOLERANCE = 1e-9
 
 
 def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
-    """States (n, m, 6) and transition matrices at common times; NaN where there is none."""
+    """Orbits and their transition matrices at common times.
+
+    Parameters
+    ----------
+    state : ndarray, shape (n, 6)
+        Nondimensional, propagation frame.
+    epoch : ndarray, shape (n,)
+        Times of the states, nondimensional, since the epoch of the force model.
+    time : ndarray, shape (m,)
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    states : ndarray, shape (n, m, 6)
+    transition : ndarray, shape (n, m, 6, 6)
+        NaN for an orbit that cannot be propagated.
+    """
     given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
     try:
         return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
