@@ -185,7 +185,7 @@ class _Replay:
             moved = self._at(fits, k, end)
             if moved is None:
                 continue
-            own = fits.row[fits.begin[k] : fits.begin[k + 1]]
+            own = fits.detections(k)
             name = _inherited(before[own], used)
             if name < 0:
                 name = len(self.first_epoch)

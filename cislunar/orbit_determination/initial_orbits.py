@@ -292,7 +292,7 @@ def refit_at(
             )
         except (ConvergenceError, ConfigurationError):
             continue
-        rows.append(fits.row[fits.begin[k] : fits.begin[k + 1]])
+        rows.append(fits.detections(k))
         times.append(epochs[k])
     if not states:
         return fits

@@ -81,6 +81,18 @@ class OrbitFits(NamedTuple):
     position: Array
     row_chi_squared: Array
 
+    def detections(self, k: int) -> Indices:
+        """Rows of the angles that fit k uses."""
+        return self.row[self.begin[k] : self.begin[k + 1]]
+
+    def updated(self, which: ArrayLike, state: Array, covariance: Array) -> "OrbitFits":
+        """Fits with other states (m, 6) and covariances (m, 6, 6) of some orbits (m,)."""
+        states, covariances, roots = (each.copy() for each in self[1:4])
+        value, axes = np.linalg.eigh(covariance)
+        states[which], covariances[which] = state, covariance
+        roots[which] = np.sqrt(np.maximum(value, 0.0))[:, :, None] * axes.swapaxes(1, 2)
+        return self._replace(state=states, covariance=covariances, root=roots)
+
     def take(self, which: ArrayLike) -> "OrbitFits":
         """Some of the fits, in the order of their indices."""
         chosen = np.atleast_1d(np.asarray(which, dtype=np.int64))

@@ -98,7 +98,7 @@ class LinkedOrbits(NamedTuple):
 
     def detections(self, k: int) -> Indices:
         """Rows of the angles that orbit k takes."""
-        return self.fits.row[self.fits.begin[k] : self.fits.begin[k + 1]]
+        return self.fits.detections(k)
 
 
 def link(

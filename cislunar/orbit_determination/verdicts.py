@@ -102,7 +102,7 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
     """
     of, parts = [], []
     for k in range(fits.epoch.size):
-        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+        rows = fits.detections(k)
         owner = angles.observer[rows]
         observers = np.unique(owner)
         if observers.size in (2, 3):

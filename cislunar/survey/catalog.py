@@ -217,11 +217,12 @@ class SurveyCatalog:
 
     @property
     def _measured(self) -> Angles:
+        """All detections so far, without the treatment; they are joined when this is first read."""
         if not self._angles:
             return _nothing()
         if len(self._angles) > 1:
             parts = zip(*(each[:-1] for each in self._angles), strict=True)
-            self._angles = [Angles(*(np.concatenate(each) for each in parts), 0.0)]
+            self._angles = [Angles(*map(np.concatenate, parts), 0.0)]
         return self._angles[0]
 
     def link(self) -> LinkedOrbits:
@@ -245,16 +246,13 @@ class SurveyCatalog:
         )
         self.status = (CURRENT,) * self._linked.log_ratio.size
         self.orbits = self._linked
-        if self.calibration is not None:
-            given = self._measured, self.scene, self.calibration
+        remaining = self._remaining
+        if remaining is not None:
             self.orbits = self.orbits._replace(
-                fits=considered(self.orbits.fits, *given, forces=self.forces)
+                fits=considered(self.orbits.fits, *remaining, forces=self.forces)
             )
-        uncertain = {
-            "settings": self.lineage,
-            "radiation_sigma": self.radiation_sigma,
-            "remaining": self._remaining,
-        }
+        uncertain = {"settings": self.lineage, "radiation_sigma": self.radiation_sigma,
+                     "remaining": remaining}  # fmt: skip
         if self.lineage.maneuvers_per_day == 0.0 and self.radiation_sigma > 0.0:
             own, given = np.flatnonzero(self.orbits.confirmed), self.orbits.fits
             fits, _ = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
@@ -286,6 +284,7 @@ class SurveyCatalog:
 
     @property
     def _remaining(self) -> RemainingErrors | None:
+        """What remains of the errors of the observers; None without a treatment of them."""
         if self.calibration is None:
             return None
         return RemainingErrors(self._measured, self.scene, self.calibration)
@@ -293,9 +292,8 @@ class SurveyCatalog:
     def _fit(self, angles: Angles, *given: Any, forces: tuple) -> OrbitFits:
         """Orbits with the covariance that considers the errors of the observers."""
         fits = fit_orbits(angles, *given, forces=forces)
-        if self.calibration is None:
-            return fits
-        return considered(fits, self._measured, self.scene, self.calibration, forces=forces)
+        remaining = self._remaining
+        return fits if remaining is None else considered(fits, *remaining, forces=forces)
 
     def _watch(self) -> Watch | None:
         """Where exposures have looked, if this is known."""

@@ -211,3 +211,25 @@ def test_the_calibration_is_the_joint_least_squares_solution_for_factors_as_well
     assert np.abs((found.mean - expected) / deviation).max() < 0.05
     known_factor = calibrate(fits, measured, scene, SIGMAS, start, forces=forces)
     assert np.abs((known_factor.mean - expected) / deviation).max() > 0.2
+
+
+def test_an_orbit_that_cannot_be_propagated_does_not_count(found, biased):
+    forces, _, given, truth = found
+    measured, scene, _, members = biased
+    prior = uncalibrated(SIGMAS, OBSERVERS)
+    used = corrected_angles(measured, scene, prior)
+    fits = fit_orbits(used, members[:3], truth[:3], given.epoch[0], forces=forces)
+    lost = fits.updated([1], np.full((1, 6), np.nan), fits.covariance[[1]])
+    arguments = measured, scene, SIGMAS, prior
+    with_it = calibrate(lost, *arguments, forces=forces)
+    without = calibrate(fits.take([0, 2]), *arguments, forces=forces)
+    np.testing.assert_array_equal(with_it.mean, without.mean)
+    np.testing.assert_array_equal(with_it.covariance, without.covariance)
+    new = considered(lost, measured, scene, prior, forces=forces)
+    np.testing.assert_array_equal(new.covariance[1], lost.covariance[1])
+    assert np.all(new.covariance[0] != lost.covariance[0])
+    moved, lineage = maneuvers_within(
+        lost, used, forces=forces, settings=COASTING, radiation_sigma=DEVIATION
+    )
+    np.testing.assert_array_equal(moved.covariance[1], lost.covariance[1])
+    assert np.all(np.isfinite(moved.state[[0, 2]])) and lineage.before.size == 0

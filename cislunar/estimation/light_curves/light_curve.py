@@ -335,8 +335,9 @@ def differentiate_block(first, rows, data, model, surface, shares, work):
 
 @njit_noalloc
 def _sum_of_products(total, data, model, surface, shares, stop_above, work):
-    """Add the rows as `_sum_of_rows` does, and the products of the derivatives. Returns the cost
-    without the detections, the sum of their squares, and their number."""
+    """Add the rows as `_sum_of_rows` does, and the products of the derivatives, until the cost is
+    above `stop_above`. Returns the cost without the detections, the sum of their squares, and their
+    number."""
     block, w = work.block, work.rows
     work.products[:, :] = 0.0
     squares, seen = 0.0, 0

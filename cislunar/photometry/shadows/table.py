@@ -297,7 +297,7 @@ def _free_points(directions, rising, polygons, sizes, points, lowest):
             for s in range(SAMPLES):
                 free[s] &= not inside[s]
                 left += free[s]
-        for s in range(SAMPLES if left > 0 else 0):
+        for s in range(SAMPLES):
             if free[s]:
                 result[row, s // 64] |= np.uint64(1) << np.uint64(s % 64)
     return result

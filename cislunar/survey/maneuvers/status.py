@@ -145,12 +145,8 @@ def maneuvered_orbits(
     rest = np.flatnonzero(~np.isin(np.arange(linked.log_ratio.size), own))
     order = np.argsort(np.concatenate([own, rest]))
     all_fits = concatenate_fits([fits, linked.fits.take(rest)], linked.fits).take(order)
-    state, covariance, root = (each.copy() for each in all_fits[1:4])
-    for pair, k in enumerate(after.tolist()):
-        if not linked.confirmed[k]:
-            state[k], covariance[k] = found.state[pair], found.covariance[pair]
-            value, axes = np.linalg.eigh(covariance[k])
-            root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
+    pairs = np.flatnonzero(~linked.confirmed[after])
+    all_fits = all_fits.updated(after[pairs], found.state[pairs], found.covariance[pairs])
     status[before] = SUPERSEDED
     if watch is not None and own.size:
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
@@ -162,9 +158,8 @@ def maneuvered_orbits(
     confirmed = linked.confirmed.copy()
     confirmed[own] = sure
     confirmed &= status == CURRENT
-    fits = all_fits._replace(state=state, covariance=covariance, root=root)
     return ManeuveredOrbits(
-        linked._replace(fits=fits, confirmed=confirmed),
+        linked._replace(fits=all_fits, confirmed=confirmed),
         tuple(status.tolist()),
         Lineage(*(np.concatenate(each) for each in zip(found, within, strict=True))),
     )

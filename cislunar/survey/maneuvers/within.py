@@ -35,7 +35,12 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import Angles, OrbitFits
 from cislunar.survey.maneuvers.lineage import Lineage, moments
-from cislunar.survey.navigation import RemainingErrors, by_radiation, propagated
+from cislunar.survey.navigation import (
+    ObservedPath,
+    RemainingErrors,
+    observed_path,
+    propagated,
+)
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
@@ -85,22 +90,26 @@ def maneuvers_within(
         Maneuvers of at least `settings.least_probability`, each of which has the same orbit before
         and after it.
     """
-    state, covariance, root = (each.copy() for each in fits[1:4])
     rows: list[tuple] = []
+    moved: dict[int, tuple[Array, Array]] = {}
     for k in range(fits.epoch.size):
-        found = _Search(fits, k, angles, forces, settings, radiation_sigma, remaining)
+        own = angles.rows(fits.detections(k))
+        path = observed_path(fits, k, own, forces, radiation_sigma)
+        if path is None:
+            continue
+        found = _Search(fits, k, path, forces, settings, remaining)
         rows += found.maneuvers()
         if found.moved:
-            state[k], covariance[k] = found.state, found.covariance
-            value, axes = np.linalg.eigh(covariance[k])
-            root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
+            moved[k] = found.state, found.covariance
     shapes = ((), (), (), (), (), (), (3,), (3, 3), (6,), (6, 6))
     columns = zip(*rows, strict=True) if rows else [()] * len(shapes)
     lineage = Lineage(
         *(np.array(each, dtype=np.int64 if c < 2 else float).reshape(-1, *shapes[c])
           for c, each in enumerate(columns))
     )  # fmt: skip
-    return fits._replace(state=state, covariance=covariance, root=root), lineage
+    if moved:
+        fits = fits.updated(list(moved), *map(np.array, zip(*moved.values(), strict=True)))
+    return fits, lineage
 
 
 def _inverse(design: Array) -> tuple[Array, Array]:
@@ -117,28 +126,20 @@ class _Search:
         self,
         fits: OrbitFits,
         k: int,
-        angles: Angles,
+        path: ObservedPath,
         forces: tuple,
         settings: LineageSettings,
-        radiation_sigma: float,
         remaining: RemainingErrors | None,
     ) -> None:
         self.k, self.settings, self.forces, self.moved = k, settings, forces, False
         self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
         self.state, self.covariance = fits.state[k], fits.covariance[k]
-        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
-        own = angles.rows(rows)
-        self.time, self.remaining = own.time, remaining
-        path, stm = (each[0] for each in propagated(self.start, self.epoch, own.time, forces))
-        way = path[:, :3] - own.observer_position
-        along = np.sum(way * own.direction, axis=1)
-        root = np.linalg.cholesky(own.covariance)
-        white = np.linalg.solve(root, own.basis / along[:, None, None])
-        self.white, self.own = np.linalg.inv(root), (rows, own, along)
-        self.residual = -np.einsum("nac,nc->na", white, way).ravel()
-        self.by_state = white @ stm[:, :3]
-        shift = by_radiation(self.start, self.epoch, own.time, path, forces, radiation_sigma)
-        self.by_factor = (white @ shift).reshape(self.residual.size, -1)
+        self.path, self.time, self.remaining = path, path.angles.time, remaining
+        root = np.linalg.cholesky(path.angles.covariance)
+        white, self.white = np.linalg.solve(root, path.basis), np.linalg.inv(root)
+        self.residual = -np.einsum("nac,nc->na", white, path.way).ravel()
+        self.by_state = white @ path.by_state
+        self.by_factor = (white @ path.by_factor).reshape(self.residual.size, -1)
         self.scales = np.array(settings.scales_m_s)[:, None] / VELOCITY_UNIT_M_S
         self.rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
 
@@ -173,7 +174,7 @@ class _Search:
         gain = inverse[:6] @ q.T
         count = self.residual.size
         of_angles = np.einsum("inb,nbc->inc", gain[:, :count].reshape(6, -1, 2), self.white)
-        return self.remaining.covariance(of_angles, *self.own) + gain[:, count:] @ gain[:, count:].T
+        return self.remaining.covariance(of_angles, self.path) + gain[:, count:] @ gain[:, count:].T
 
     def maneuvers(self) -> list[tuple]:
         """Rows of a `Lineage`; changes the state and the covariance."""

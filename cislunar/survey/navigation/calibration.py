@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
-from cislunar.survey.navigation.paths import by_radiation, propagated
+from cislunar.survey.navigation.paths import ObservedPath, observed_path
 
 Array = NDArray[np.float64]
 
@@ -74,37 +74,21 @@ class RemainingErrors(NamedTuple):
     scene: Scene
     errors: ObserverCalibration
 
-    def covariance(self, gain: Array, rows: NDArray[np.int64], own: Angles, along: Array) -> Array:
-        """Covariance (m, m) of m quantities that are estimated with a gain, equation (3).
+    def path(
+        self, fits: OrbitFits, k: int, forces: tuple, radiation_sigma: float = 0.0
+    ) -> ObservedPath | None:
+        """Orbit k along its corrected detections; see `observed_path`."""
+        own = corrected_angles(self.angles.rows(fits.detections(k)), self.scene, self.errors)
+        return observed_path(fits, k, own, forces, radiation_sigma)
 
-        Parameters
-        ----------
-        gain : ndarray, shape (m, row, 2)
-        rows : ndarray of int, shape (row,)
-            Of the detections.
-        own : Angles
-            The detections, corrected.
-        along : ndarray, shape (row,)
-            Ranges, nondimensional.
-        """
+    def covariance(self, gain: Array, path: ObservedPath) -> Array:
+        """Covariance (m, m) of m quantities that are estimated from an orbit's detections with a
+        gain (m, row, 2), equation (3)."""
         total = self.errors.covariance.reshape(self.errors.mean.size, -1)
-        noise = np.einsum("inb,nbc,jnc->ij", gain, self.angles.covariance[rows], gain)
-        by_error = _by_error(own, along, self.scene)
+        noise = np.einsum("inb,nbc,jnc->ij", gain, self.angles.covariance[path.rows], gain)
+        by_error = _by_error(path, self.scene)
         shift = gain.reshape(len(gain), -1) @ by_error.reshape(-1, len(total))
         return noise + shift @ total @ shift.T
-
-
-class _Linearized(NamedTuple):
-    """Rows of angles of an orbit, the corrected angles and the ranges; the offsets r (row, 2); A
-    (row, 2, 6) for the state at its epoch, and derivatives (row, 2, 0 or 1) by the radiation
-    pressure."""
-
-    rows: NDArray[np.int64]
-    own: Angles
-    along: Array
-    offset: Array
-    by_state: Array
-    by_factor: Array
 
 
 def uncalibrated(prior: ObserverErrorSigma, n_observers: int) -> ObserverCalibration:
@@ -177,7 +161,8 @@ def calibrate(
     Returns
     -------
     ObserverCalibration
-        Components without a prior standard deviation are not estimated.
+        Components without a prior standard deviation are not estimated. Orbits that cannot be
+        propagated to their detections do not count.
     """
     shape = errors.mean.shape
     sigma = np.tile(prior.constant()[:_ESTIMATED], len(errors.mean))
@@ -186,19 +171,22 @@ def calibrate(
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
     given = RemainingErrors(angles, scene, errors)
     for k in range(fits.epoch.size):
-        orbit = _linearized(fits, k, given, forces, radiation_sigma)
-        white = np.linalg.inv(np.linalg.cholesky(angles.covariance[orbit.rows]))
-        by_error = _by_error(orbit.own, orbit.along, scene).reshape(*orbit.offset.shape, -1)
+        path = given.path(fits, k, forces, radiation_sigma)
+        if path is None:
+            continue
+        white = np.linalg.inv(np.linalg.cholesky(angles.covariance[path.rows]))
+        by_error = _by_error(path, scene).reshape(*path.basis.shape[:2], -1)
         g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
-        others = white @ np.concatenate([orbit.by_state, orbit.by_factor], axis=2)
-        others = others.reshape(len(g), -1)
+        offset = np.einsum("nac,nc->na", path.basis, path.way)
+        others = [path.basis @ each for each in (path.by_state, path.by_factor)]
+        others = (white @ np.concatenate(others, axis=2)).reshape(len(g), -1)
         more = others.shape[1] - 6  # rows of the prior of the factor
         others = np.concatenate([others, np.eye(more, 6 + more, 6)])
         q, _ = np.linalg.qr(others / np.linalg.norm(others, axis=0))
         g = np.concatenate([g, np.zeros((more, sigma.size))])
         g -= q @ (q.T @ g)
         normal += g.T @ g
-        right += g[: len(g) - more].T @ (white @ orbit.offset[..., None]).ravel()
+        right += g[: len(g) - more].T @ (white @ offset[..., None]).ravel()
     covariance = np.linalg.inv(normal)
     mean = (sigma * (covariance @ right)).reshape(shape)
     scaled = sigma[:, None] * covariance * sigma
@@ -229,44 +217,29 @@ def considered(
     Returns
     -------
     OrbitFits
-        With other covariances and roots; those of fits that have not converged are kept.
+        With other covariances and roots; those of fits that have not converged, or that cannot be
+        propagated to their detections, are kept.
     """
     remaining = RemainingErrors(angles, scene, errors)
-    covariance, root = fits.covariance.copy(), fits.root.copy()
+    found: dict[int, Array] = {}
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        rows, own, along, _, by_state, _ = _linearized(fits, k, remaining, forces, 0.0)
-        weighted = np.linalg.solve(own.covariance, by_state).reshape(-1, 6)
+        path = remaining.path(fits, k, forces)
+        if path is None:
+            continue
+        by_state = path.basis @ path.by_state
+        weighted = np.linalg.solve(path.angles.covariance, by_state).reshape(-1, 6)
         gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)
-        covariance[k] = remaining.covariance(gain, rows, own, along)
-        value, axes = np.linalg.eigh(covariance[k])
-        root[k] = np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T
-    return fits._replace(covariance=covariance, root=root)
+        found[k] = remaining.covariance(gain, path)
+    which = list(found)
+    return fits.updated(which, fits.state[which], np.array([*found.values()]).reshape(-1, 6, 6))
 
 
-def _linearized(
-    fits: OrbitFits, k: int, measured: RemainingErrors, forces: tuple, radiation_sigma: float
-) -> _Linearized:
-    rows, given = fits.row[fits.begin[k] : fits.begin[k + 1]], (fits.state[[k]], fits.epoch[[k]])
-    own = corrected_angles(measured.angles.rows(rows), measured.scene, measured.errors)
-    path, stm = (each[0] for each in propagated(*given, own.time, forces))
-    way = path[:, :3] - own.observer_position
-    along = np.sum(way * own.direction, axis=1)
-    basis = own.basis / along[:, None, None]
-    return _Linearized(
-        rows,
-        own,
-        along,
-        np.einsum("nac,nc->na", basis, way),
-        basis @ stm[:, :3],
-        basis @ by_radiation(*given, own.time, path, forces, radiation_sigma),
-    )
-
-
-def _by_error(own: Angles, along: Array, scene: Scene) -> Array:
+def _by_error(path: ObservedPath, scene: Scene) -> Array:
     """G (row, 2, observer, 5) of equation (1)."""
-    result = np.zeros((along.size, 2, scene.observer_position.shape[0], _ESTIMATED))
-    each = np.arange(along.size)
-    result[each, :, own.observer, :3] = own.basis / along[:, None, None]
+    own, count = path.angles, path.rows.size
+    result = np.zeros((count, 2, scene.observer_position.shape[0], _ESTIMATED))
+    each = np.arange(count)
+    result[each, :, own.observer, :3] = path.basis
     result[each[:, None], [0, 1], own.observer[:, None], [3, 4]] = -_scale(own, scene)
     return result
 
