@@ -11,6 +11,7 @@ import pytest
 from campaign_folder import QUICK, ROOT, copy_workflow, read_campaign, read_settings, snakemake
 
 from cislunar.campaign.kernels import kernel_set
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
 from cislunar.estimation import ESTIMATORS
 from cislunar.orbits.families import observer_library
@@ -154,6 +155,12 @@ def finished(tmp_path_factory):
 def paper(tmp_path):
     """The configuration of the full campaign."""
     return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+
+
+@pytest.fixture
+def task2(paper):
+    """Its key `task2`, with every variant that its families make."""
+    return with_families(paper)["task2"]
 
 
 @pytest.fixture

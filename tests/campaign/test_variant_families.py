@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from campaign_folder import ROOT, read_campaign
 
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
@@ -15,20 +14,15 @@ from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.errors import ConfigurationError
 
 
-@pytest.fixture
-def config(tmp_path):
-    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
-
-
-def variants(config, **families):
+def variants(paper, **families):
     """Key `task2` of a configuration with these families alone, with their variants."""
-    config["task2"]["variants"]["families"] = families
-    return with_families(check_campaign(config))["task2"]
+    paper["task2"]["variants"]["families"] = families
+    return with_families(check_campaign(paper))["task2"]
 
 
-def test_a_family_states_values_changes_or_combinations(config):
+def test_a_family_states_values_changes_or_combinations(paper):
     task2 = variants(
-        config,
+        paper,
         slope={"targets": [20], "key": "truth.material.rms_slope", "values": {"rough": 0.4}},
         steps={"targets": [20], "key": "step_s", "values": [30, 20]},
         trust={"targets": [50], "changes": {"wide": {"batch": {"magnitude_noise_factor": 4}}}},
@@ -52,9 +46,9 @@ DAYS = {
 }
 
 
-def test_every_cell_is_repeated_on_the_pooled_days(config):
-    config["task2"]["variants"]["pooled"] = DAYS
-    config["task2"] |= {
+def test_every_cell_is_repeated_on_the_pooled_days(paper):
+    paper["task2"]["variants"]["pooled"] = DAYS
+    paper["task2"] |= {
         "target_counts": {"A": [20], "B": [], "C": []},
         "intervals": {"minutes": [60], "target_counts": {"A": [], "B": []}},
         "architectures": ["published"],
@@ -62,7 +56,7 @@ def test_every_cell_is_repeated_on_the_pooled_days(config):
         "other_architectures": {},
     }
     task2 = variants(
-        config,
+        paper,
         rough={"targets": [30], "changes": {"rough": {"material": {"rms_slope": 0.4}}}},
         few={"targets": [20], "pooled": ["day6"], "changes": {"steps": {"step_s": 30}}},
     )
@@ -79,15 +73,13 @@ def test_every_cell_is_repeated_on_the_pooled_days(config):
     # the default is not kept, so that usual cells stay the same
     assert "first_realization" not in cell_settings(task2, "rough")
     with pytest.raises(ConfigurationError, match=r"families\.few\.pooled': 'day9' is none of"):
-        variants(
-            config, few={"targets": [20], "pooled": ["day9"], "changes": {"s": {"step_s": 30}}}
-        )
-    config["task2"]["variants"]["pooled"] = {"late": {"start_day": 40}}
+        variants(paper, few={"targets": [20], "pooled": ["day9"], "changes": {"s": {"step_s": 30}}})
+    paper["task2"]["variants"]["pooled"] = {"late": {"start_day": 40}}
     with pytest.raises(ConfigurationError, match=r"variants\.pooled\.late"):
-        variants(config)
-    config["task2"]["variants"]["pooled"] = {"late": {"start_days": 4}}
+        variants(paper)
+    paper["task2"]["variants"]["pooled"] = {"late": {"start_days": 4}}
     with pytest.raises(ConfigurationError, match=r"pooled\.late.*start_days"):
-        variants(config)
+        variants(paper)
 
 
 def test_pooled_days_have_random_draws_of_their_own():
@@ -95,15 +87,15 @@ def test_pooled_days_have_random_draws_of_their_own():
     assert realization_seeds(7, 2, first=3) == every[3:] and len(set(every)) == 5
 
 
-def test_values_of_the_command_line_get_their_types(config):
+def test_values_of_the_command_line_get_their_types(paper):
     family = {"targets": [20], "key": "body.inertia", "values": {"long": "[1, 1, 0.2]"}}
-    task2 = variants(config, shape=family)
+    task2 = variants(paper, shape=family)
     assert cell_settings(task2, "long")["body"]["inertia"] == [1, 1, 0.2]
 
 
-def test_a_smaller_campaign_names_the_variants_it_keeps(config):
-    config["task2"]["variants"] |= {"only": ["slope-25", "unknown-material"], "targets": [30]}
-    task2 = with_families(check_campaign(config))["task2"]
+def test_a_smaller_campaign_names_the_variants_it_keeps(paper):
+    paper["task2"]["variants"] |= {"only": ["slope-25", "unknown-material"], "targets": [30]}
+    task2 = with_families(check_campaign(paper))["task2"]
     assert {(cell.variant, cell.targets) for cell in variant_cells(task2)} == {
         ("slope-25", 30), ("unknown-material", 30),
     }  # fmt: skip
@@ -141,32 +133,32 @@ def test_a_smaller_campaign_names_the_variants_it_keeps(config):
         ({"key": "seeds", "values": {"a": 1}, "targets": [203]}, "families.f.targets': 203"),
     ],
 )
-def test_faults_of_a_family_are_one_line_that_names_the_key(config, family, message):
+def test_faults_of_a_family_are_one_line_that_names_the_key(paper, family, message):
     with pytest.raises(ConfigurationError) as refused:
-        variants(config, f=family)
+        variants(paper, f=family)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_variants_have_names_of_their_own(config):
+def test_variants_have_names_of_their_own(paper):
     family = {"key": "seeds", "values": {"few": 1}}
     with pytest.raises(ConfigurationError, match=r"families.g.values': there is another .* 'few'"):
-        variants(config, f=family, g=family)
+        variants(paper, f=family, g=family)
 
 
-def test_a_variant_to_keep_has_to_be_there(config):
-    config["task2"]["variants"]["only"] = ["slop-25"]
+def test_a_variant_to_keep_has_to_be_there(paper):
+    paper["task2"]["variants"]["only"] = ["slop-25"]
     with pytest.raises(ConfigurationError, match="'slop-25' is none of the variants"):
-        check_campaign(config)
+        check_campaign(paper)
 
 
-def test_numbers_stay_as_they_are_written_and_defaults_are_filled_in(config):
+def test_numbers_stay_as_they_are_written_and_defaults_are_filled_in(paper):
     written = {"step_s": 60, "record_minutes": 10.0, "seeds": 3.0}
-    task2 = merged({key: config["task2"][key] for key in CellSettings.model_fields}, written)
+    task2 = merged({key: paper["task2"][key] for key in CellSettings.model_fields}, written)
     del task2["material"]
     again = checked(task2, CellSettings)
     assert json.dumps([again[key] for key in written]) == "[60, 10.0, 3]"
-    assert again["material"] == config["task2"]["material"]
+    assert again["material"] == paper["task2"]["material"]
 
 
 def test_a_change_holds_what_is_given_and_nothing_else():
