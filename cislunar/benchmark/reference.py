@@ -47,8 +47,8 @@ REFERENCE_METHODS = ("survey-catalog", "nearest-neighbor")
 STATES = "states.oem"
 
 
-_MANEUVERS = LineageSettings(maneuvers_per_day=0.3)
-"""By the statement of the scenario: a tenth of the objects makes two a day, and a tenth one."""
+_MANEUVERS = LineageSettings(maneuvers_per_day=0.1)
+"""A third of the true rate, as in the study of surveys: a catalog does not know the rate."""
 
 
 class _ConfirmedOrbits(SurveyCatalog):

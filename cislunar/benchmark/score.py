@@ -44,7 +44,7 @@ _SAME_S = 1e-3
 """Tolerance of times."""
 
 SCORE_COLUMNS = (
-    "epoch_utc", "objects", "findable", "catalog", "assigned", "completeness",
+    "epoch_utc", "objects", "findable", "catalog", "assigned", "with_covariance", "completeness",
     "completeness_outside", "completeness_maneuvering", "custody", "gospa_km",
     "gospa_localization_km2", "gospa_missed_km2", "gospa_false_km2", "missed", "false",
     "position_median_km", "position_95_km", "velocity_median_m_s", "velocity_95_m_s", "anees",
@@ -156,6 +156,7 @@ def _at_epoch(
         "findable": int(findable.sum()),
         "catalog": len(states.names),
         "assigned": found.target.size,
+        "with_covariance": int(_is_known(covariance).sum()),
         "completeness": _share(held, findable),
         "completeness_outside": _share(held, findable & outside),
         "completeness_maneuvering": _share(held, findable & moved),
@@ -191,10 +192,16 @@ def _quantiles(name: str, unit: str, values: Array) -> dict[str, float]:
     return {f"{name}_median_{unit}": found[0], f"{name}_95_{unit}": found[1]}
 
 
+def _is_known(covariance: Array) -> NDArray[np.bool_]:
+    """Whether each state has a covariance."""
+    known: NDArray[np.bool_] = np.isfinite(covariance).all(axis=(1, 2))
+    return known
+
+
 def _anees(error: Array, covariance: Array) -> float:
     """Arithmetic mean of the normalized squared errors of the pairs with a covariance, divided by
     the six components."""
-    known = np.isfinite(covariance).all(axis=(1, 2))
+    known = _is_known(covariance)
     if not known.any():
         return float("nan")
     error, matrix = error[known], covariance[known]
