@@ -16,6 +16,7 @@ from cislunar.observation import (
     METERS,
     Scene,
     SensorLimits,
+    dimming,
     direction_angles,
     extinction,
     in_clear_view,
@@ -115,7 +116,9 @@ def _see(scene, limits, faintness, k, position, ra, dec, margin):
             ) - extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
 
 
-def views(scene: Scene, limits: SensorLimits, index: int, position: ArrayLike) -> Views:
+def views(
+    scene: Scene, limits: SensorLimits, index: int, position: ArrayLike, *, eclipse: bool = False
+) -> Views:
     """Directions and brightness of objects for all observers.
 
     Parameters
@@ -127,6 +130,8 @@ def views(scene: Scene, limits: SensorLimits, index: int, position: ArrayLike) -
         Time of the scene.
     position : array_like, shape (object, 3)
         Nondimensional, propagation frame.
+    eclipse : bool
+        Whether objects are dimmer in the penumbra of Earth and Moon and invisible in the umbra.
 
     Returns
     -------
@@ -139,6 +144,9 @@ def views(scene: Scene, limits: SensorLimits, index: int, position: ArrayLike) -
         [faintness_per_squared_range(each) for each in limits.limiting_magnitude]
     )
     _see(scene, limits, faintness, int(index), place, *out)
+    if eclipse:
+        sky = scene.sun_position[[index]], scene.primaries[[index]]
+        out[2][:] -= dimming(place[:, None], *sky)[:, 0]
     return Views(*out)
 
 

@@ -11,11 +11,11 @@ Assumptions and limitations
 - Light time is neglected, on both sides. Fields are observed where they are commanded, whatever the
   pointing error.
 - Exposures are much shorter than the steps of the scene; nothing trails.
-- The search does not know of shadows: an exposure of an object in a shadow counts as a miss.
 """
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -114,7 +114,7 @@ def run_survey(
     appears_hours : array_like, shape (object,), optional
         Hours after the start from which each object exists; all exist from the start if omitted.
     eclipse : bool
-        Whether objects are dimmer in the penumbra of Earth and Moon and invisible in the umbra.
+        Whether shadows of Earth and Moon dim objects, which plans take into account.
     observer_errors : ObserverErrors, optional
         How the catalog treats errors of the observers, and their assumed standard deviations. The
         true errors are those of `truth`. No treatment if omitted.
@@ -211,7 +211,7 @@ class _Survey:
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
         self.planner = SearchPlanner(settings.search, scene, limits, settings.magnitude_sigma)
-        n = self.planner.n_steps
+        self.views, n = partial(views, scene, limits, eclipse=eclipse), self.planner.n_steps
         total = settings.duration_days * SECONDS_PER_DAY / scene.step_s
         self.n_blocks = round(total / n)
         if abs(self.n_blocks * n - total) > 1e-6 or self.n_blocks < 1:
@@ -253,7 +253,7 @@ class _Survey:
         start = block * n
         middle = start + (n + 1) // 2
         self.density.advance(middle * scene.step)
-        seen = views(scene, self.planner.limits, middle, self.density.state[:, :3])
+        seen = self.views(middle, self.density.state[:, :3])
         chance = self._probability(seen, self.density.size_m2)
         chance[:, self.density.weight == 0.0] = 0.0
         fields = self.planner.fields_of(seen)
@@ -305,7 +305,7 @@ class _Survey:
         value, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(value, 0.0))[:, None]
         sample = position[:, None] + np.einsum("nij,dj->ndi", root, self.draws)
-        seen = views(self.scene, self.planner.limits, middle, sample.reshape(-1, 3))
+        seen = self.views(middle, sample.reshape(-1, 3))
         chance = self._probability(seen, self.settings.prior.median_size_m2)
         shape = (len(self.planner.grids), len(position), _DRAWS)
         fields = self.planner.fields_of(seen).reshape(shape)

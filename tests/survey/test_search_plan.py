@@ -44,6 +44,29 @@ def test_every_direction_lies_in_the_field_of_view_of_its_field(width):
     assert len(grid.center) < 1.35 * 41_253.0 / width**2 + 20
 
 
+def test_shadows_dim_views():
+    """On a line behind the Moon: the umbra, the annular shadow, and beside both."""
+    k, moon = 7, SCENE.primaries[7, 1]
+    away = moon - SCENE.sun_position[k]
+    away /= np.linalg.norm(away)
+    side = np.cross(away, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+    radius = 1737.4 / METERS * 1e3
+    # the umbra is 3.7e5 km long
+    position = moon + radius * np.array([30.0, 60.0, 400.0, 30.0])[:, None] * away
+    position[3] += 5.0 * radius * side
+    plain = views(SCENE, LIMITS, k, position).margin
+    seen = views(SCENE, LIMITS, k, position, eclipse=True).margin
+    free = np.isfinite(plain)
+    assert free.sum() >= 4 and not np.isfinite(seen[:, :2]).any()
+    np.testing.assert_array_equal(seen[:, 3], plain[:, 3])
+    # discs of Moon and Sun, with the Moon within the Sun
+    sun = np.linalg.norm(SCENE.sun_position[k] - position[2])
+    share = 1.0 - (radius / np.linalg.norm(moon - position[2]) / (695_700e3 / METERS / sun)) ** 2
+    dimmed = plain[free[:, 2], 2] - seen[free[:, 2], 2]
+    np.testing.assert_allclose(dimmed, -2.5 * np.log10(share), rtol=2e-3)
+
+
 def test_views_are_those_of_plain_photometry():
     rng, k = np.random.default_rng(2), 7
     position = rng.uniform(-1.2, 1.2, (400, 3))

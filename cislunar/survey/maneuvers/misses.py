@@ -2,12 +2,14 @@
 
 For each exposure after the last detection of an orbit, in whose field the predicted direction lies
 with three standard deviations of margin, the probability p of a detection follows from the size and
-the scatter that the orbit's own magnitudes imply. It is zero if there is a detection next to the
-predicted direction, whether it has been linked or not. Brightness varies slowly: the visits of an
-observer within a block of time count as one, with the largest p, and the magnitude of a body may
-differ from that of its sphere by the same d in all of them. The probability of no detection is
+the scatter that the orbit's own magnitudes imply. It is zero in the umbra of Earth and Moon, and if
+there is a detection next to the predicted direction, whether it has been linked or not. Brightness
+varies slowly: the visits of an observer within a block of time count as one, with the largest p,
+and the magnitude of a body may differ from that of its sphere by the same d in all of them. Toward
+an observer o a body may moreover be dark for hours, with the probability e. The probability of no
+detection is
 
-    m = int N(d; 0, s^2) product of (1 - c p(d)) dd,                                           (1)
+    m = int N(d; 0, s^2) product over o of (e + (1 - e) product of (1 - c p(d))) dd,           (1)
 
 with c < 1 because the assumed brightness of a sphere is not that of the body.
 """
@@ -28,6 +30,9 @@ Indices = NDArray[np.int64]
 
 _TRUST = 0.9
 """c of equation (1)."""
+
+_DARK = 0.05
+"""e of equation (1): the misses of one observer alone do not show that an object is elsewhere."""
 
 _OFFSET, _SHARE = np.polynomial.hermite_e.hermegauss(9)
 """d / s of equation (1), and weights of the integral."""
@@ -101,7 +106,6 @@ def log_missed(
     ndarray, shape (n,)
         Equation (1); 0 for an orbit of unknown brightness.
     """
-    out = np.zeros((which.size, _OFFSET.size))
     last = angles.time[fits.row[fits.begin[which + 1] - 1]]
     size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
     known = np.isfinite(size)
@@ -110,6 +114,7 @@ def log_missed(
     block = np.floor(fields.index * scene.step_s / block_s + 1e-9).astype(np.int64)
     after = np.unique(fields.index[fields.index * scene.step > last.min(initial=np.inf)])
     best = np.zeros((*offset.shape, limits.half_field.size))
+    out = np.zeros_like(best)
     current = -1
     for k in after.tolist():
         now = slice(*np.searchsorted(fields.index, [k, k + 1]).tolist())
@@ -118,12 +123,12 @@ def log_missed(
         if unseen.size == 0:
             continue
         if block[now.start] != current:
-            out += np.log1p(-_TRUST * best).sum(axis=2)
+            out += np.log1p(-_TRUST * best)
             best[:], current = 0.0, block[now.start]
         position, spread = _predicted(paths, which[unseen], time)
         good = np.isfinite(position).all(axis=1)
         unseen, position, spread = unseen[good], position[good], spread[good]
-        margin = views(scene, limits, k, position).margin
+        margin = views(scene, limits, k, position, eclipse=True).margin
         seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
         for e in range(now.start, now.stop):
             o = int(fields.observer[e])
@@ -143,8 +148,9 @@ def log_missed(
             bright = margin[o, inside, None] - offset[rows]
             chance = detection_probability(bright, size[rows, None], sigma[o], loss)
             best[rows, :, o] = np.maximum(best[rows, :, o], chance)
-    out += np.log1p(-_TRUST * best).sum(axis=2)
-    return logsumexp(out, axis=1, b=_SHARE / _SHARE.sum())
+    out += np.log1p(-_TRUST * best)
+    each = np.logaddexp(np.log(_DARK), np.log1p(-_DARK) + out).sum(axis=2)
+    return logsumexp(each, axis=1, b=_SHARE / _SHARE.sum())
 
 
 def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
