@@ -27,7 +27,8 @@ from cislunar.dynamics.propagation import propagate, propagate_many, propagate_s
 from cislunar.ephemeris.bodies import read_table
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.orbits import branches, continuation, corrector
-from cislunar.orbits.families import family_members, observer_library, spaced_members
+from cislunar.orbits.catalog import periodic_orbits
+from cislunar.orbits.families import observer_library, spaced_members
 
 HALO_PERIOD = 3.0
 MEMBERS = 23
@@ -78,7 +79,7 @@ def compare_generation() -> None:
 
 def compare_propagation() -> None:
     """Print the time ratios of the propagation of one orbit over ten periods."""
-    orbit = family_members("Halo_L2_S", period=2.3)
+    orbit = periodic_orbits("Halo_L2_S", period=2.3)
     state, end = orbit.state[0], 10.0 * orbit.period[0]
     times = np.linspace(0.0, end, 1001)
     truth = propagate(state, times, method="dop853", rtol=2.5e-14, atol=2.5e-14)
@@ -134,7 +135,7 @@ def compare_with_heyoka() -> None:
         return
     import heyoka
 
-    halo, library = family_members("Halo_L2_S", period=2.3), observer_library()
+    halo, library = periodic_orbits("Halo_L2_S", period=2.3), observer_library()
     near = halo.state[0] + 1e-4 * np.random.default_rng(0).standard_normal((64, 6))
     share = np.linspace(0.0, 10.0, 1001)
     cr3bp = heyoka.model.cr3bp(mu=MU), to_canonical, from_canonical
@@ -250,7 +251,7 @@ def compare_forces() -> None:
         "with radiation, own area each": forces_between(first, last, area_to_mass=areas),
     }
     # Near L1 in the propagation frame of each model, outside the shadow of the Moon.
-    halo = family_members("Halo_L1_S", period=2.6).state[0]
+    halo = periodic_orbits("Halo_L1_S", period=2.6).state[0]
     table = models["with radiation"].table
     inertial = to_inertial(halo, pulsating_frame(table, tdb_seconds(first))) / UNITS
     spread = 1e-5 * np.random.default_rng(0).standard_normal((25, 6))

@@ -15,7 +15,6 @@ from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.orbits.continuation import Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
-from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
 from cislunar.runtime import Array, count_of, number_of, require_kind
 
@@ -209,38 +208,3 @@ def observer_library(
         southern = family.endswith("_S")
         sets.append(orbit_set(family, chosen, mu=mu, southern=southern, progress=advance))
     return concatenate(sets)
-
-
-def family_members(
-    family: str,
-    *,
-    jacobi: float | None = None,
-    period: float | None = None,
-    mu: float = MU,
-    extent: Extent = KEEP_OUT,
-) -> OrbitSet:
-    """All members of a family with a given Jacobi constant or period.
-
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    jacobi, period : float
-        Exactly one of the two, nondimensional.
-    mu : float
-        Mass ratio.
-    extent : Extent
-        Ends of the family.
-
-    Returns
-    -------
-    OrbitSet
-        In order along the family; empty if no member has the value.
-    """
-    if (jacobi is None) == (period is None):
-        raise ConfigurationError(f"members of {family}: give either jacobi or period, and only one")
-    quantity, value = ("jacobi", jacobi) if period is None else ("period", period)
-    value = number_of(quantity, value)
-    branch = family_branch(family, mu=mu, extent=extent)
-    members = select(branch, quantity, value, mu)
-    return orbit_set(family, members, mu=mu, southern=family.endswith("_S"))

@@ -13,7 +13,8 @@ from cislunar.constants import MU
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
-from cislunar.orbits.families import concatenate, family_members
+from cislunar.orbits.catalog import periodic_orbits
+from cislunar.orbits.families import concatenate
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
 
 MOON = np.array([1.0 - MU, 0.0, 0.0])
@@ -55,9 +56,9 @@ def scene():
     """A few orbits of different families, and targets of which some are never seen."""
     orbits = concatenate(
         [
-            family_members("Halo_L2_S", jacobi=3.05),
-            family_members("Halo_L1_N", jacobi=3.0),
-            family_members("Lyap_L3", jacobi=2.9),
+            periodic_orbits("Halo_L2_S", jacobi=3.05),
+            periodic_orbits("Halo_L1_N", jacobi=3.0),
+            periodic_orbits("Lyap_L3", jacobi=2.9),
         ]
     )
     times = observation_times(2.0, 3.0)

@@ -9,7 +9,7 @@ from oracles.visibility import sun_at, visible
 from cislunar.architecture.coverage.measures import coverage, gaps
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation.sensor import ExclusionAngles
-from cislunar.orbits.families import family_members
+from cislunar.orbits.catalog import periodic_orbits
 from cislunar.visibility.counts import VisibilitySettings, observation_times
 from cislunar.visibility.tracks import architecture_tracks, satellite_tracks
 
@@ -68,7 +68,7 @@ def test_everything_seen_and_nothing_seen():
 
 
 def test_tracks_of_an_architecture_are_its_satellites_slot_by_slot():
-    orbits = family_members("Halo_L2_S", jacobi=3.05)
+    orbits = periodic_orbits("Halo_L2_S", jacobi=3.05)
     times = observation_times(1.0, 6.0)
     track = architecture_tracks(orbits.state, orbits.period, [3, 1], times)
     assert track.shape == (4, 5, 3)

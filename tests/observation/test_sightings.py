@@ -9,7 +9,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightings import sightings
-from cislunar.orbits.families import family_members
+from cislunar.orbits.catalog import periodic_orbits
 from cislunar.photometry.sphere import sphere_magnitude
 from cislunar.visibility.counts import VisibilitySettings, count_visibility
 from cislunar.visibility.tracks import satellite_tracks
@@ -20,7 +20,7 @@ OPEN = ExclusionAngles(0.0, 0.0, 0.0)
 
 def test_sightings_are_as_many_as_in_the_tables():
     sky = sample_ephemeris(duration_days=5.0)
-    halo = family_members("Halo_L2_S", jacobi=3.05)
+    halo = periodic_orbits("Halo_L2_S", jacobi=3.05)
     targets = np.random.default_rng(3).normal([1.0 - MU, 0.0, 0.0], 0.3, size=(40, 3))
     limit = 15.5
     table = count_visibility(

@@ -13,7 +13,8 @@ from cislunar.dynamics.cr3bp import equations_of_motion
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.observation.sightline import EARTH_RADIUS, sunlit_share
-from cislunar.orbits.families import OrbitSet, family_members
+from cislunar.orbits.catalog import periodic_orbits
+from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import phase_function, sphere_magnitude
 from cislunar.visibility.counts import (
     VisibilitySettings,
@@ -237,8 +238,8 @@ def test_impossible_horizon_is_refused(days, hours):
 @pytest.fixture(scope="module")
 def stable_orbits():
     """A halo that barely leaves its orbit in 10 days of free flight, and a long L3 Lyapunov."""
-    halo = family_members("Halo_L2_S", jacobi=3.05)
-    lyapunov = family_members("Lyap_L3", jacobi=2.9)
+    halo = periodic_orbits("Halo_L2_S", jacobi=3.05)
+    lyapunov = periodic_orbits("Lyap_L3", jacobi=2.9)
     pick = int(np.argmin(halo.stability_index))
     state = np.vstack([halo.state[pick], lyapunov.state[0]])
     return state, np.array([halo.period[pick], lyapunov.period[0]])
