@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from message_files import file_of, spoil
 
 from cislunar.campaign.data.own_targets import own_tracked_dataset
 from cislunar.campaign.settings.scenarios import SECTIONS, shared_dataset
@@ -64,12 +65,6 @@ def segment(epoch, path_of_halo):
 
 def written(segment, **options):
     return oem_text([segment], created="2030-01-01T00:00:00", **options)
-
-
-def file_of(folder, text, name="arc.oem"):
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 # dates
@@ -251,11 +246,6 @@ def test_states_between_those_of_a_message(epoch, segment, at):
 def test_a_time_beyond_a_message_is_refused(epoch, segment):
     with pytest.raises(InputFileError, match=r"object HALO 1: 2024-10-03.* is not within"):
         state_at([segment], epoch.tdb_s + 2e5)
-
-
-def spoil(text, old, new):
-    assert re.search(old, text)
-    return re.sub(old, new, text, count=1)
 
 
 @pytest.mark.parametrize(
