@@ -43,6 +43,7 @@ from cislunar.survey.maneuvers import (
     Watch,
     maneuvered_orbits,
     maneuvers_within,
+    replaced,
 )
 from cislunar.survey.navigation import (
     ObserverCalibration,
@@ -256,10 +257,7 @@ class SurveyCatalog:
         if self.lineage.maneuvers_per_day == 0.0 and self.radiation_sigma > 0.0:
             own, given = np.flatnonzero(self.orbits.confirmed), self.orbits.fits
             fits, _ = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
-            changed = [each.copy() for each in given[1:4]]
-            for each, new in zip(changed, fits[1:4], strict=True):
-                each[own] = new
-            self.orbits = self.orbits._replace(fits=OrbitFits(given[0], *changed, *given[4:]))
+            self.orbits = self.orbits._replace(fits=replaced(given, own, fits))
         elif self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
             self.orbits, self.status, self.maneuvers = maneuvered_orbits(
                 self.orbits, angles, forces=self.forces, region=self.region, linking=self.linking,

@@ -211,7 +211,8 @@ class _Survey:
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
         self.planner = SearchPlanner(settings.search, scene, limits, settings.magnitude_sigma)
-        self.views, n = partial(views, scene, limits, eclipse=eclipse), self.planner.n_steps
+        self.views = partial(views, scene, limits, eclipse=eclipse)
+        n = self.planner.n_steps
         total = settings.duration_days * SECONDS_PER_DAY / scene.step_s
         self.n_blocks = round(total / n)
         if abs(self.n_blocks * n - total) > 1e-6 or self.n_blocks < 1:
@@ -234,8 +235,7 @@ class _Survey:
         self.catalog = SurveyCatalog(
             scene, forces, settings.process, settings.region, settings.linking, settings.tracklets,
             lineage=settings.lineage, limits=limits, magnitude_sigma=settings.magnitude_sigma,
-            radiation_sigma=settings.radiation_sigma,
-            errors=errors,
+            radiation_sigma=settings.radiation_sigma, errors=errors,
         )  # fmt: skip
         self.sigma = np.hypot(settings.magnitude_sigma, np.sqrt(limits.noise_variance[:, :1]))
         self.draws = generator(seed, "draws").standard_normal((_DRAWS // 2, 3))

@@ -13,7 +13,7 @@ sum does not exceed that of the given orbits, and the divided orbits meet with a
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
@@ -130,9 +130,8 @@ def divided(
     return None if best is None else best[1]
 
 
-def replaced(fits: OrbitFits, pair: tuple[int, int], parts: OrbitFits) -> OrbitFits:
-    """Fits of which two are others."""
-    each = [fits.take([k]) for k in range(fits.epoch.size)]
-    for position, k in enumerate(pair):
-        each[k] = parts.take([position])
-    return concatenate_fits(each, fits)
+def replaced(fits: OrbitFits, which: ArrayLike, parts: OrbitFits) -> OrbitFits:
+    """Fits of which some are others, in the order of `which`."""
+    order = np.arange(fits.epoch.size)
+    order[np.asarray(which, dtype=np.int64)] = order.size + np.arange(parts.epoch.size)
+    return concatenate_fits([fits, parts], fits).take(order)

@@ -16,7 +16,6 @@ from cislunar.orbit_determination import (
     LinkedOrbits,
     LinkingSettings,
     OrbitFits,
-    concatenate_fits,
     fit_orbits,
 )
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
@@ -127,11 +126,8 @@ def maneuvered_orbits(
     found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
     fits, changed = _divided(fits, angles, found, paths, linking, fit, given)
     if changed.size:
-        each = np.isin(np.arange(own.size), changed)
-        order = np.arange(own.size) + np.where(each, 0, own.size)
-        fits, within = maneuvers_within(
-            concatenate_fits([fits, alone], alone).take(order), angles, **inside
-        )
+        divided_anew = replaced(alone, changed, fits.take(changed))
+        fits, within = maneuvers_within(divided_anew, angles, **inside)
         last = angles.time[fits.row[fits.begin[1:] - 1]]
         paths = orbit_paths(fits, first, now, forces=forces)
         found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
@@ -142,9 +138,7 @@ def maneuvered_orbits(
     before, after = own[found.before], own[found.after]
     found = found._replace(before=before, after=after)
     within = within._replace(before=own[within.before], after=own[within.after])
-    rest = np.flatnonzero(~np.isin(np.arange(linked.log_ratio.size), own))
-    order = np.argsort(np.concatenate([own, rest]))
-    all_fits = concatenate_fits([fits, linked.fits.take(rest)], linked.fits).take(order)
+    all_fits = replaced(linked.fits, own, fits)
     pairs = np.flatnonzero(~linked.confirmed[after])
     all_fits = all_fits.updated(after[pairs], found.state[pairs], found.covariance[pairs])
     status[before] = SUPERSEDED
