@@ -1,129 +1,38 @@
-"""Figures of tracking: the cells they show, what is marked, units on the axes, the same bytes."""
+"""Figures of tracking: what is drawn and marked, units on the axes, the same bytes."""
 
-import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from campaign_folder import read_campaign
 from matplotlib.collections import QuadMesh
+from tracking_cell_data import cell_data, cells
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.tracking.summary import summary_dataset
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.errors import InputFileError
+from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.intervals import log_interval, t_interval
-from cislunar.evaluation.metrics import (
-    INCONSISTENT,
-    NEVER_OBSERVED,
-    TRACKED,
-    attitude_angle_deg,
-)
+from cislunar.evaluation.metrics import NEVER_OBSERVED
 from cislunar.figures import style
 from cislunar.figures.axes import Grid, nice_ticks, spaced, tick_names
 from cislunar.figures.labels import family_text, interval_text
 from cislunar.figures.panels import Row, draw_rows
-from cislunar.figures.tracking.choice import (
-    figure_architectures,
-    high_load_cells,
-    interval_cells,
-    learned_cell,
-    selected_cell,
-    target_count_cells,
-    tasking_variants,
-)
-from cislunar.figures.tracking.errors import (
-    components_figure,
-    histories,
-    least_errors,
-    part_scale,
-    representative_target,
-    selected_targets,
-)
+from cislunar.figures.tracking.errors import components_figure, selected_targets
 from cislunar.figures.tracking.heatmap_colors import scales
 from cislunar.figures.tracking.heatmaps import (
     block_rows,
     high_load_figure,
     intervals_figure,
     target_counts_figure,
-    target_rows,
 )
-from cislunar.figures.tracking.learned import learned_figure, shares_of_prior
 from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.figures.tracking.representative import representative_target_figure
-from cislunar.figures.tracking.tasking import METHODS, running_best, tasking_figure
+from cislunar.figures.tracking.tasking import running_best, tasking_figure
 from cislunar.figures.tracking.trends import (
     EFFICIENT,
     against_interval_figure,
     against_targets_figure,
 )
-
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-SEEDS, STEPS, RECORDS = 5, 24, 12
-VELOCITY_UNIT_M_S = 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S
-SIZES = np.repeat([0.1, 1e-5, 1e-5, 1e-4], 3)
-"""Typical error of each component."""
-
-
-def task2(*files):
-    """Key `task2` of the configuration, with further files over it."""
-    return with_families(read_campaign(CONFIG, *(CONFIG / name for name in files)))["task2"]
-
-
-def cell_data(targets, seed=0):
-    """A stand-in for a tracking cell: target 0 never observed, target 1 with lost rotation."""
-    rng = np.random.default_rng([seed, targets])
-    dims, status = ("seed", "target", "component"), ("seed", "target")
-    shape = (SEEDS, targets)
-    time = (SEEDS, RECORDS, targets, 12)
-    sigma = SIZES * np.geomspace(1.0, 0.02, RECORDS)[:, None, None] * np.ones(time)
-    error = sigma * rng.normal(size=time)
-    rotation = np.full(shape, TRACKED, dtype=np.uint8)
-    rotation[:, 0], rotation[:, 1] = NEVER_OBSERVED, INCONSISTENT
-    translation = np.where(rotation == INCONSISTENT, TRACKED, rotation)
-    error[:, :, 1, :6] *= 40.0
-    data = {
-        "error": (("seed", "time", "target", "component"), error),
-        "sigma": (("seed", "time", "target", "component"), sigma),
-        "bound": (("seed", "time", "target", "component"), 0.5 * sigma),
-        "bound_ratio": (("seed", "target", "part"), rng.lognormal(1.0, 0.3, (*shape, 4))),
-        "bound_attitude": (status, rng.uniform(0.1, 0.5, shape)),
-        "coverage": (dims, rng.uniform(0.3, 1.0, (*shape, 12))),
-        "final_coverage": (dims, np.full((*shape, 12), 0.9)),
-        "custody": (status, (rotation == TRACKED).astype(int)),
-        "anees": (dims, rng.lognormal(0.0, 1.0, (*shape, 12))),
-        "rmse": (dims, SIZES * rng.lognormal(0.0, 0.5, (*shape, 12))),
-        "status": (status, rotation),
-        "status_rotation": (status, rotation),
-        "status_translation": (status, translation),
-        "final_attitude_error": (status, rng.uniform(0.5, 5.0, shape)),
-        "outcome": (("seed", "step", "target"), rng.integers(0, 2, (SEEDS, STEPS, targets))),
-        "information": (("seed", "epoch"), rng.uniform(5.0, 9.0, (SEEDS, 2))),
-        "updates": (status, rng.integers(1, STEPS, shape)),
-        **{
-            name: (status, np.zeros(shape, dtype=int))
-            for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures", "failed")
-        },
-        "assignment": (("seed", "epoch", "observer"), np.zeros((SEEDS, 2, 4), dtype=int)),
-    }
-    coords = {
-        "time": 600.0 * np.arange(1, RECORDS + 1),
-        "step": 300 * np.arange(1, STEPS + 1),
-        "target_id": ("target", np.arange(targets) + 40),
-        "family": ("target", ["Halo_L2_N", "DRO", "Polar_KPLO_insertion"] * (targets // 3)),
-    }
-    cell = xr.Dataset(data, coords)
-    cell["outcome"].attrs["flag_meanings"] = "not_tasked used"
-    return cell
-
-
-def cells(scenario, counts, minutes=(60,), architecture="tpe"):
-    return {
-        Cell(scenario, architecture, "mukf", n, m): cell_data(n, m) for n in counts for m in minutes
-    }
 
 
 def summary_of_cells():
@@ -218,69 +127,6 @@ def test_a_panel_without_values_is_labeled():
     assert ["nothing was observed" in "".join(texts) for texts in said] == [True, False]
 
 
-def test_paper_cells_are_chosen_from_the_full_configuration():
-    settings = task2()
-    columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[20, 30, 50, 100]]
-    found = {c[:3] + c[4:] for column in columns for c in column}
-    assert found == {("A", "tpe", "mukf", settings["interval_minutes"], "")}
-    assert selected_cell(settings, "published") == [Cell("A", "published", "mukf", 20, 60)]
-    intervals = interval_cells(settings, "tpe")
-    assert [(c[0].scenario, c[0].targets) for c in intervals] == [("A", 20), ("B", 33)]
-    assert [c.interval_minutes for c in intervals[0]] == [30, 60, 120, 180, 240]
-    load = high_load_cells(settings, "tpe")
-    assert [(c.scenario, c.targets, c.interval_minutes) for c in load] == [
-        ("A", 50, minutes) for minutes in (30, 60, 120, 180, 240)
-    ]
-    assert figure_architectures(settings)[0] == "tpe"
-
-
-def test_small_configuration_has_its_own_cells():
-    settings = task2("quick.yaml")
-    assert [[c.targets for c in column] for column in target_count_cells(settings, "tpe")] == [
-        [20, 30]
-    ]
-    assert {c.targets for c in high_load_cells(settings, "tpe")} == {20}
-    variants = tasking_variants(settings)
-    assert variants == {"": "exact", "tpe": "tpe-compiled", "greedy": "greedy"}
-    assert set(variants.values()) <= set(METHODS), "a method without a look"
-
-
-def test_other_counts_and_missing_cells():
-    settings = task2()
-    settings["target_counts"] = {"C": [90, 45, 60, 70, 80]}
-    columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[45, 60, 70, 90]]
-    settings["intervals"]["target_counts"] = {"A": [], "B": []}
-    assert interval_cells(settings, "tpe") == high_load_cells(settings, "tpe") == []
-    assert target_count_cells(settings, "unheard-of") == []
-    assert selected_cell(settings, "unheard-of") == []
-    settings["variants"]["cells"] = {}
-    assert tasking_variants(settings) == {"": "exact"}
-
-
-def test_rows_of_the_heat_maps():
-    """A row for each target of any cell, named, and empty where a cell does not monitor it."""
-    few, many = cell_data(6), cell_data(9)
-    table = target_rows([few, many])
-    assert list(table) == list(range(40, 49))
-    assert list(table.values())[:3] == ["L2 halo N 40", "DRO 41", "polar, KPLO 42"]
-    rows = block_rows(few, "anees", list(table))
-    assert rows.last == 6 and np.isnan(rows.values[6:]).all()
-    np.testing.assert_array_equal(np.flatnonzero(rows.unseen), [0])
-    np.testing.assert_array_equal(np.flatnonzero(rows.inconsistent[0]), [1])
-    assert not rows.inconsistent[1].any()
-    assert np.isnan(rows.values[rows.unseen]).all()
-    swapped = block_rows(few, "anees", list(table)[::-1])
-    np.testing.assert_array_equal(swapped.values[::-1], rows.values)
-    np.testing.assert_allclose(rows.values[2], few["anees"].values[0, 2])
-    errors = block_rows(few, "rmse", list(table)).values[2]
-    practical = np.repeat(
-        [np.rad2deg(1.0), np.rad2deg(3600.0), LENGTH_UNIT_KM, VELOCITY_UNIT_M_S], 3
-    )
-    np.testing.assert_allclose(errors, practical * few["rmse"].values[0, 2])
-
-
 def test_heat_map_shows_the_data(figures):
     """Time outside 3 sigma of the last block, in percent."""
     axes = next(a for a in figures["counts"].axes if a.get_title() == "30")
@@ -352,62 +198,6 @@ def test_norms_are_those_of_the_errors_in_practical_units(figures):
     np.testing.assert_allclose(
         bound.get_ydata(), 3.0 * LENGTH_UNIT_KM * np.linalg.norm(sigma[:, 6:9], axis=1)
     )
-
-
-def test_components_are_in_practical_units():
-    """Rotation vectors in degrees, of large attitude errors as well; small factors for others."""
-    data = cell_data(6)
-    data["error"][0, :, 2, :3] = [0.3, -0.6, 0.2]
-    hours, error, sigma = histories(data, 2)
-    angles = np.linalg.norm(error[:, :3], axis=1)
-    np.testing.assert_allclose(angles, attitude_angle_deg(data["error"].values[0, :, 2, :3]))
-    np.testing.assert_allclose(error[:, :3] / angles[:, None], RECORDS * [np.array([3, -6, 2]) / 7])
-    np.testing.assert_allclose(hours, data["time"].values / 3600.0)
-    scaled = data["sigma"].values[0, :, 2].reshape(RECORDS, 4, 3)
-    practical = [*np.rad2deg([1.0, 3600.0]).tolist(), LENGTH_UNIT_KM, VELOCITY_UNIT_M_S]
-    expected = scaled * np.array(practical)[:, None]
-    np.testing.assert_allclose(sigma.reshape(RECORDS, 4, 3), expected)
-    np.testing.assert_allclose(least_errors(data, 2), 0.5 * sigma)
-
-
-def test_targets_selected_by_rule():
-    cell = cell_data(12)
-    final = cell["final_attitude_error"].values[0]
-    tracked = np.arange(2, 12)[np.argsort(final[2:])]
-    chosen = selected_targets(cell)
-    assert chosen == {
-        int(tracked[0]): "best attitude",
-        int(tracked[4]): "median attitude",
-        1: "rotation inconsistent",
-        0: "never observed",
-    }
-    cell["status"][:] = TRACKED
-    order = np.argsort(final)
-    assert list(selected_targets(cell)) == [order[0], order[5], order[11], order[10]]
-    cell["status"][:] = INCONSISTENT
-    cell["status_translation"][:] = INCONSISTENT
-    assert selected_targets(cell) == {0: "all inconsistent"}
-
-
-def test_representative_target_is_the_median_of_those_tracked_in_both():
-    first, second = cell_data(6), cell_data(6)
-    factors = np.array([9.0, 9.0, 1.0, 5.0, 2.0, 3.0])
-    second["rmse"] = first["rmse"] * xr.DataArray(factors, dims="target")
-    second["status"][:, 3] = INCONSISTENT
-    assert representative_target(first, second) == 4
-    second["status"][:] = INCONSISTENT
-    assert representative_target(first, second) is None
-    figure = representative_target_figure(
-        {Cell("A", "tpe", "mukf", 6, m): data for m, data in ((30, first), (60, second))}
-    )
-    assert any("no target is tracked" in text.get_text() for text in figure.texts)
-
-
-def test_axis_of_errors_holds_them():
-    error, sigma = np.array([[1e-3], [2e-6], [np.nan]]), np.array([[1e-5], [1e-6], [1e-6]])
-    scale = part_scale([error], [sigma])
-    assert scale.reach > 1e-3
-    assert 3e-6 <= scale.linear < 3e-5
 
 
 def test_sweep_shows_means_over_the_seeds(figures, summary):
@@ -565,41 +355,3 @@ def test_names():
     assert family_text("Polar_Chandrayaan-1_first_maneuver") == "polar, Chandrayaan-1"
     assert family_text("Halo_L1_S") == "L1 halo S"
     assert family_text("Some_other") == "Some other"
-
-
-def test_what_is_learned_is_drawn_over_the_prior():
-    names = ["log_inertia_y", "log_inertia_z", "log_albedo"]
-    rng = np.random.default_rng(0)
-    prior = np.array([0.1, 0.1, 0.25])
-    share = np.linspace(1.0, 0.2, 5)[:, None, None] * np.ones((5, 40, 3))
-    errors = share * prior * rng.standard_normal(share.shape)
-    dims = ("seed", "epoch", "target", "parameter")
-    share[:, 0] = 7.0  # of a target nobody has seen
-    cell = xr.Dataset(
-        {
-            "parameter_sigma": (dims, (share * prior)[None]),
-            "parameter_error": (dims, errors[None]),
-            "status": (("seed", "target"), np.full((1, 40), TRACKED)),
-        },
-        {"parameter": names, "epoch": 3600.0 * np.arange(5)},
-        {
-            "settings": json.dumps(
-                {"batch": {"estimated_parameters": {"log_inertia": 0.1, "log_albedo": 0.25}}}
-            )
-        },
-    )
-    cell["status"][0, 0] = NEVER_OBSERVED
-    found = shares_of_prior(cell)
-    assert list(found) == ["log_albedo", "log_inertia"]
-    assert found["log_inertia"][0].shape == (5, 78)
-    figure = learned_figure(cell)
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["(a) albedo", "(b) inertia"]
-    claimed = figure.axes[1].lines[0]
-    np.testing.assert_allclose(claimed.get_xdata(), [1, 2, 3, 4, 5])
-    np.testing.assert_allclose(claimed.get_ydata(), np.linspace(1.0, 0.2, 5))
-    task2 = with_families(read_campaign(CONFIG))["task2"]
-    assert [each.variant for each in learned_cell(task2)] == ["everything-joint-turning"]
-    task2["variants"] = {**task2["variants"], "cells": {}}
-    assert learned_cell(task2) == []
-    with pytest.raises(InputFileError, match=r"task2\.batch\.estimated_parameters"):
-        learned_figure(cell.drop_vars("parameter_sigma"))
