@@ -1,8 +1,8 @@
 """Repeated searches where one search may not have found all relevant modes (compiled). A fit is in
 doubt if its best mode leaves residuals larger than the noise explains, if another mode is about as
 likely, or if the best mode is none of those before the fit, so that the posterior had missed it.
-The search is repeated, with all points from the prior, until the fit is clear, a repetition has not
-increased the evidence (Laplace's approximation), or the limit is reached."""
+The search is repeated, with all points from the prior, until the fit is clear, two consecutive
+searches have not increased the evidence (Laplace's approximation), or the limit is reached."""
 
 import numpy as np
 
@@ -59,12 +59,12 @@ def search_until_clear(hypotheses, data, model, settings, rng):
         return
     live = hypotheses.count[0] if hypotheses.count[1] > 0 else 0  # the prior is no mode
     before = hypotheses.u[:live].copy(), hypotheses.root[:live].copy()
-    evidence, suspect = -np.inf, True
+    evidence, suspect, without_gain = -np.inf, True, 0
     for number in range(settings.searches):
+        if without_gain == 2 or not (suspect or hypotheses.weight[0] < _CLEAR_WEIGHT):
+            break
         last = evidence
         search(hypotheses, data, model, settings, rng, number > 0)
         evidence, suspect = _evidence(hypotheses, data, model, *before)
-        clear = not suspect and hypotheses.weight[0] >= _CLEAR_WEIGHT
-        if clear or evidence <= last + _LEAST_GAIN:
-            break
+        without_gain = 0 if evidence > last + _LEAST_GAIN else without_gain + 1
     hypotheses.count[2] = suspect

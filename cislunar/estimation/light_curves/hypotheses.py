@@ -224,13 +224,10 @@ def search(hypotheses, data, model, settings, rng, afresh):
     """Find the modes of the posterior given the whole light curve. The live modes are refined, and
     so are the points of lowest cost from a random pool, first on a thinned light curve. The minima
     are sorted by weight and merged, and the best are kept. All points of a search `afresh` come
-    from the prior, and so do their rotations while the light curve is short. A search afresh
-    follows another one and has half of the starts of a first search."""
+    from the prior, and so do their rotations while the light curve is short."""
     live, size = hypotheses.count[0], hypotheses.u.shape[1]
     prior = afresh or data.shape[0] < _FIRST_ROWS
     starts = settings.first_starts if prior else settings.starts
-    if afresh:
-        starts = max(settings.starts, settings.first_starts // 2)
     found, origins = np.empty((live + starts, size)), np.empty(live + starts, np.int64)
     thin, total = _thinned(data), live
     if starts > 0:
