@@ -41,6 +41,44 @@ _QUANTITIES = {
 }
 """Columns: quantity, format and factor."""
 
+_TERMS = {
+    "Findable": "Findable: objects with at least three tracklets.",
+    "Linked of findable (%)": "Linked: findable objects for which most detections of some orbit, "
+    "confirmed or not, are detections of the object.",
+    "inside of the families (%)": "Inside and outside of the families: right orbits of the "
+    "findable objects of each group.",
+    "Right orbits": "Right orbits: confirmed, within 500 km of the object at the last detection.",
+    "Duplicates": "Duplicates: further confirmed orbits of an object with a right orbit.",
+    "Wrong of confirmed (%)": "Wrong orbits: confirmed, with a larger error, or with false alarms "
+    "as most of their detections.",
+    "Purity (%)": "Purity: share of the detections in confirmed orbits that belong to the object "
+    "of the orbit.",
+    "Maneuvering (%)": "Maneuvering: right orbits of the findable objects that have maneuvered.",
+    "In custody (%)": "In custody: findable objects with a confirmed orbit within 10 km of the "
+    "object at the time of the table.",
+    "NEES": "NEES: normalized estimation error squared of right orbits, with six degrees of "
+    "freedom, at the last detection.",
+    "True state within the region of 95 % (%)": "True state within the region of 95 %: share of "
+    "the right orbits, at the last detection.",
+    "NEES, no maneuver so far": "No maneuver so far: of the objects that have not maneuvered.",
+    "NEES now, no maneuver so far": "NEES now: at the time of the table.",
+    "Error of known objects (km)": "Error of known objects: geometric mean of the position errors, "
+    "at the time of the table, of the objects that had a right orbit a day before; objects lost "
+    "since count with 500 km.",
+    "Error of known objects, increase by the search (%)": "Increase by the search: that of this "
+    "mean over that of the survey that stops searching.",
+    "Hours to catalog": "Hours to catalog: median time from the first detection of an object to "
+    "its confirmed orbit.",
+    "Characterized orbits": "Characterized orbits: those with enough detections of sufficiently "
+    "small noise.",
+    "Spin period determined (%)": "Spin period determined: share of the characterized orbits.",
+    "Half width of that interval (%)": "True spin period within its interval, and half width: of "
+    "the determined periods.",
+    "True area times albedo within (%)": "True amplitude and area times albedo within: share of "
+    "the characterized orbits whose 95 % interval contains the true value.",
+}
+"""Explanation of a column, by its title."""
+
 
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
@@ -52,7 +90,9 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
             label, f"{day:g}", int(own["seeds"].max()),
             *(stated(found, *column) for column in columns.values()),
         ])  # fmt: skip
-    return {"table": markdown_table(["Survey", "Days", "Realizations", *columns], rows)}
+    terms = " ".join(_TERMS[title] for title in columns if title in _TERMS)
+    table = markdown_table(["Survey", "Days", "Realizations", *columns], rows)
+    return {"table": table, "terms": terms}
 
 
 CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {
