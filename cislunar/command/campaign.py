@@ -1,11 +1,9 @@
 """Commands of the campaign, which call Snakemake and the modules that do the work."""
 
-import io
 import logging
 import os
 import subprocess
 import sys
-from contextlib import nullcontext, redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -194,11 +192,6 @@ def report(
             *arguments,
         ],
     )
-
-
-def _silenced() -> redirect_stdout | nullcontext:
-    """Suppress standard output if only results and errors are requested."""
-    return redirect_stdout(io.StringIO()) if level() >= logging.WARNING else nullcontext()
 
 
 @click.command(cls=Command)

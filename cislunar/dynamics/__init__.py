@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "frames": ["BARYCENTER", "from_inertial", "lunar_frame", "pulsating_frame", "recenter",
         "to_inertial"],
     "instantaneous_frame_cr3bp": ["inertial_states", "is_low_lunar"],
-    "maneuvers": ["Impulses", "NO_IMPULSES", "VELOCITY_UNIT_M_S", "burn_times",
+    "maneuvers": ["Impulses", "VELOCITY_UNIT_M_S", "burn_times",
         "local_axes", "propagate_with_impulses"],
     "propagation": ["advance_orbits", "closest_approaches", "propagate", "propagate_many",
         "propagate_periodic", "propagate_stm"],

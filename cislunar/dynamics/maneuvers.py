@@ -48,9 +48,6 @@ class Impulses(NamedTuple):
     velocity: Array
 
 
-NO_IMPULSES = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
-
-
 def burn_times(start_s: float, duration_s: float) -> Array:
     """Times of the impulses that represent a burn, each with an equal part of its change of
     velocity.

@@ -121,7 +121,8 @@ class InitialEstimate(NamedTuple):
                 even[:] = False
             if not np.all(even):
                 raise ConfigurationError(
-                    f"initial covariance of target {j} is not symmetric and positive definite"
+                    f"initial covariance of target {j} is not symmetric and positive definite; "
+                    "correct it"
                 )
         return out
 

@@ -312,7 +312,9 @@ class CramerRaoBound:
                 f"states of shape {translation.shape} or a scene with {n_times} times to come"
             )
         if np.any(measurements.variance < 0.0):
-            raise ConfigurationError("measurements: a variance is negative")
+            raise ConfigurationError(
+                "measurements.variance: a value is negative; give mag^2 and rad^2"
+            )
         out = np.empty((n_targets, n_offsets - 1, SIZE))
         truth = tuple(
             np.ascontiguousarray(each, dtype=float)

@@ -4,6 +4,7 @@ kernels."""
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.attitude.grp import GRP_A, GRP_F
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import Positive, Section, setting
@@ -45,7 +46,7 @@ def attitude_angle_deg(error: Array) -> Array:
     ndarray, shape (...)
         Degrees in [0, 180].
     """
-    a, f = 0.5, 3.0
+    a, f = GRP_A, GRP_F
     squared = np.sum(error[..., :3] ** 2, axis=-1)
     scalar = (-a * squared + f * np.sqrt(f * f + (1.0 - a * a) * squared)) / (f * f + squared)
     # |rho| = (a + q4) |p| / f; the arctangent keeps its precision at small angles.

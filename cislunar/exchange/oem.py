@@ -174,7 +174,8 @@ def _covariances(path: str | Path, lines: kvn.Lines, system: str) -> tuple[Array
                 rows = []
     if rows or len(times) != len(matrices):
         raise InputFileError(
-            f"{path}, line {lines[-1][0]}: a covariance matrix lacks rows or its EPOCH"
+            f"{path}, line {lines[-1][0]}: a covariance matrix lacks rows or its EPOCH; "
+            "get the complete file"
         )
     return np.array(times), np.array(matrices)
 

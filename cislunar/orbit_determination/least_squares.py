@@ -311,7 +311,9 @@ def fit_orbits(
     starts = np.array(array_of("state", state, finite=False)).reshape(-1, 6)
     parts = [np.asarray(each, dtype=np.int64) for each in rows]
     if len(parts) != len(starts):
-        raise ConfigurationError(f"{len(parts)} sets of rows do not belong to {len(starts)} starts")
+        raise ConfigurationError(
+            f"rows: {len(parts)} sets for {len(starts)} states; give one set for each state"
+        )
     for k, part in enumerate(parts):
         if part.size < 3:
             raise ConfigurationError(

@@ -80,11 +80,20 @@ def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
             continue
         try:
             if words[0] == "v":
-                vertices.append([float(word) for word in words[1:4]])
-                continue
-            corners = [int(word.split("/")[0]) for word in words[1:]]
+                point = [float(word) for word in words[1:4]]
+            else:
+                corners = [int(word.split("/")[0]) for word in words[1:]]
         except ValueError as error:
-            raise InputFileError(f"{path}, line {number}: cannot read {line.strip()!r}") from error
+            raise InputFileError(
+                f"{path}, line {number}: cannot read {line.strip()!r}; correct the line"
+            ) from error
+        if words[0] == "v":
+            if len(point) != 3:
+                raise InputFileError(
+                    f"{path}, line {number}: a vertex has {len(point)} coordinates; give three"
+                )
+            vertices.append(point)
+            continue
         facet = len(triangles) + 1
         if len(corners) != 3:
             raise InputFileError(
@@ -94,17 +103,17 @@ def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
         # OBJ counts from 1; negative numbers count backwards from the latest vertex
         indices = [c - 1 if c > 0 else len(vertices) + c for c in corners]
         if 0 in corners or min(indices) < 0:
-            raise InputFileError(f"{path}, line {number}: facet {facet} names no known vertex")
+            raise InputFileError(
+                f"{path}, line {number}: facet {facet} names no known vertex; list it first"
+            )
         triangles.append(indices)
         groups.append(group)
-    if any(len(vertex) != 3 for vertex in vertices):
-        raise InputFileError(f"{path}: a vertex has fewer than 3 coordinates")
     array = np.array(triangles, dtype=np.int64).reshape(-1, 3)
     beyond = np.nonzero(array.max(axis=1, initial=-1) >= len(vertices))[0]
     if beyond.size:
         raise InputFileError(
             f"{path}: facet {beyond[0] + 1} names vertex {array[beyond[0]].max() + 1} of "
-            f"{len(vertices)}"
+            f"{len(vertices)}; export the mesh again"
         )
     return np.array(vertices, dtype=float).reshape(-1, 3), array, tuple(groups)
 
@@ -139,7 +148,9 @@ def _read_stl_text(path: Path, text: str) -> Array:
             except ValueError:
                 loop.append([])
             if len(loop[-1]) != 3:
-                raise InputFileError(f"{path}, line {number}: cannot read {line.strip()!r}")
+                raise InputFileError(
+                    f"{path}, line {number}: cannot read {line.strip()!r}; correct the line"
+                )
         elif words[:1] == ["endfacet"]:
             if len(loop) != 3:
                 raise InputFileError(
@@ -149,5 +160,7 @@ def _read_stl_text(path: Path, text: str) -> Array:
             corners.append(loop)
             loop = []
     if loop:
-        raise InputFileError(f"{path}: the file ends within facet {len(corners) + 1}")
+        raise InputFileError(
+            f"{path}: the file ends within facet {len(corners) + 1}; get the complete file"
+        )
     return np.array(corners, dtype=float).reshape(-1, 3, 3)

@@ -88,7 +88,9 @@ class ObjectDensity:
         lose their weight and stay where they are."""
         span = float(time) - self.time
         if span < 0.0:
-            raise ConfigurationError(f"time = {time} is before {self.time}")
+            raise ConfigurationError(
+                f"time = {time} is before {self.time}; advance in order of time"
+            )
         if span == 0.0:
             return
         active = np.flatnonzero(self.weight > 0.0)

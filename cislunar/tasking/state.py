@@ -56,8 +56,11 @@ class SimulationInputs(NamedTuple):
         }
         if len(set(counts.values())) != 1 or ids.size == 0:
             raise ConfigurationError(f"targets: their numbers disagree or are zero: {counts}")
-        if np.unique(ids).size != ids.size:
-            raise ConfigurationError("target_ids: an identity occurs twice")
+        values, times = np.unique(ids, return_counts=True)
+        if values.size != ids.size:
+            raise ConfigurationError(
+                f"target_ids: {values[times > 1][0]} occurs twice; give each target its own"
+            )
         return self
 
     @property

@@ -8,7 +8,6 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import equations_of_motion
 from cislunar.dynamics.maneuvers import (
-    NO_IMPULSES,
     VELOCITY_UNIT_M_S,
     Impulses,
     burn_times,
@@ -97,4 +96,5 @@ def test_a_burn_is_the_limit_of_its_impulses():
 
 def test_without_impulses_nothing_changes():
     plain = propagate_bundle(STATES, STEP, 5)
-    np.testing.assert_array_equal(propagate_with_impulses(STATES, STEP, 5, NO_IMPULSES), plain)
+    none = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
+    np.testing.assert_array_equal(propagate_with_impulses(STATES, STEP, 5, none), plain)

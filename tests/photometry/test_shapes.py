@@ -201,7 +201,7 @@ def test_sliver_without_area_is_degenerate(height, tmp_path):
     [
         ("q.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n", "line 5: facet 1 has 4"),
         ("q.obj", "v 0 0 zero\n", "line 1: cannot read 'v 0 0 zero'"),
-        ("q.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "fewer than 3 coordinates"),
+        ("q.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2: a vertex has 2 coordinates"),
         ("q.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "facet 1 names vertex 9 of 2"),
         ("q.obj", "v 0 0 0\nf 0 1 1\n", "line 2: facet 1 names no known vertex"),
         ("q.obj", "", "0 facets cannot close"),

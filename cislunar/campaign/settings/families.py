@@ -13,7 +13,7 @@ from cislunar.campaign.settings.cell_tree import CellChange
 from cislunar.campaign.settings.cells import Cell, grid_cells, has_architecture
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import require_scenario
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, did_you_mean, known_keys
 
 TRACKING = "settings.task2"
 """Key, or beginning of keys, of a scenario whose sweep does not change the architecture."""
@@ -218,7 +218,8 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
     for name in variants["only"] or ():
         if name not in taken:
             raise ConfigurationError(
-                f"configuration key 'task2.variants.only': {name!r} is none of the variants"
+                f"configuration key 'task2.variants.only': {name!r} is none of the variants; "
+                + (did_you_mean(name, taken) or known_keys(sorted(taken)))
             )
     for name in left["sweeps"]:
         _check_sweep(left, name, taken)

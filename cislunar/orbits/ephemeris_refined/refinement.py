@@ -143,7 +143,9 @@ def _outside(forces: EphemerisForces, path: RefinedPath) -> RefinedPath:
         least = _periapsis(forces, body, nodes[node])
         constraint = _Clearance(node, body, least + (depth + _CLEARANCE_KM) / LENGTH_UNIT_KM)
         path = _shoot(forces, path.time, path.state, constraint)
-    raise ConvergenceError(f"the path intersects the {body.capitalize()}")
+    raise ConvergenceError(
+        f"the path intersects the {body.capitalize()} by {depth:.0f} km at {time / 3600.0:.1f} h"
+    )
 
 
 def _dip(forces: EphemerisForces, path: RefinedPath) -> tuple[str, float, float] | None:
