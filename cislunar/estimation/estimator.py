@@ -121,8 +121,7 @@ class InitialEstimate(NamedTuple):
                 even[:] = False
             if not np.all(even):
                 raise ConfigurationError(
-                    f"initial covariance of target {j} is not symmetric and positive definite; "
-                    "correct it"
+                    f"initial covariance of target {j} is not symmetric and positive definite"
                 )
         return out
 

@@ -294,7 +294,5 @@ def _estimate(place: str, key: str, given: Any) -> Any:
         not np.allclose(values, values.T, rtol=1e-9, atol=0.0)
         or np.linalg.eigvalsh(values).min() <= 0.0
     ):
-        raise ConfigurationError(
-            f"{place}: covariance_km is not symmetric and positive definite; correct it"
-        )
+        raise ConfigurationError(f"{place}: covariance_km is not symmetric and positive definite")
     return values if key == "covariance_km" else tuple(values.tolist())
