@@ -49,16 +49,6 @@ _BALLISTIC = Row(
 object leaves an error without a limit."""
 
 
-def _rows_of(table: pd.DataFrame, quantity: str) -> pd.DataFrame:
-    """The rows of a quantity, by label and day. Surveys without maneuvers have the errors of
-    objects without a maneuver as those of all objects."""
-    own = table[table["quantity"] == quantity].set_index(["label", "day"])
-    if quantity != _BALLISTIC.curves[0]:
-        return own
-    every = table[table["quantity"] == "nees"].set_index(["label", "day"])
-    return pd.concat([own, every[~every.index.isin(own.index)]])
-
-
 @style.house_style()
 def catalog_figure(table: pd.DataFrame) -> Figure:
     """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: right
@@ -75,7 +65,7 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
         axes = grid.place(figure, 0, number)
         several, empty = len(row.curves) > 1, True
         for which, (quantity, series) in enumerate(zip(row.curves, _SERIES, strict=False)):
-            own = _rows_of(table, quantity)
+            own = table[table["quantity"] == quantity].set_index(["label", "day"])
             at = [k for k, place in enumerate(places) if place in own.index]
             if not at:
                 continue

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 from .columns import Tables, stated
 from .markdown import markdown_table
@@ -12,86 +13,105 @@ STUDIES = ("catalog", "survey")
 TABLE = "catalog"
 """Name of table and figure in the results of each."""
 
-_QUANTITIES = {
-    "Findable": ("findable", ".0f", 1.0),
-    "Linked of findable (%)": ("linked_share", ".1f", 100.0),
-    "Right of findable (%)": ("completeness", ".1f", 100.0),
-    "inside of the families (%)": ("completeness_inside", ".1f", 100.0),
-    "outside (%)": ("completeness_outside", ".1f", 100.0),
-    "Right orbits": ("right", ".0f", 1.0),
-    "Right orbits, difference to the first survey": ("right_difference", "+.0f", 1.0),
-    "Duplicates": ("duplicate", ".1f", 1.0),
-    "Wrong of confirmed (%)": ("wrong_share", ".2f", 100.0),
-    "Purity (%)": ("purity", ".2f", 100.0),
-    "Maneuvering (%)": ("completeness_maneuvering", ".1f", 100.0),
-    "In custody (%)": ("custody", ".1f", 100.0),
-    "NEES": ("nees", ".2f", 1.0),
-    "True state within the region of 95 % (%)": ("covered", ".1f", 100.0),
-    "NEES, no maneuver so far": ("nees_ballistic", ".2f", 1.0),
-    "NEES now, no maneuver so far": ("nees_now_ballistic", ".2f", 1.0),
-    "Error of known objects (km)": ("error_known_km", ".2f", 1.0),
-    "Error of known objects, increase by the search (%)": ("search_cost", "+.1f", 100.0),
-    "Hours to catalog": ("hours_to_catalog", ".1f", 1.0),
-    "Characterized orbits": ("bright", ".0f", 1.0),
-    "Spin period determined (%)": ("period_determined", ".1f", 100.0),
-    "True spin period within its interval (%)": ("period_covered", ".1f", 100.0),
-    "Half width of that interval (%)": ("period_half_width", ".1f", 100.0),
-    "True amplitude within (%)": ("amplitude_covered", ".1f", 100.0),
-    "True area times albedo within (%)": ("area_albedo_covered", ".1f", 100.0),
-}
-"""Columns: quantity, format and factor."""
 
-_TERMS = {
-    "Findable": "Findable: objects with at least three tracklets.",
-    "Linked of findable (%)": "Linked: findable objects for which most detections of some orbit, "
-    "confirmed or not, are detections of the object.",
-    "inside of the families (%)": "Inside and outside of the families: right orbits of the "
-    "findable objects of each group.",
-    "Right orbits": "Right orbits: confirmed, within 500 km of the object at the last detection.",
-    "Duplicates": "Duplicates: further confirmed orbits of an object with a right orbit.",
-    "Wrong of confirmed (%)": "Wrong orbits: confirmed, with a larger error, or with false alarms "
-    "as most of their detections.",
-    "Purity (%)": "Purity: share of the detections in confirmed orbits that belong to the object "
-    "of the orbit.",
-    "Maneuvering (%)": "Maneuvering: right orbits of the findable objects that have maneuvered.",
-    "In custody (%)": "In custody: findable objects with a confirmed orbit within 10 km of the "
-    "object at the time of the table.",
-    "NEES": "NEES: normalized estimation error squared of right orbits, with six degrees of "
-    "freedom, at the last detection.",
-    "True state within the region of 95 % (%)": "True state within the region of 95 %: share of "
-    "the right orbits, at the last detection.",
-    "NEES, no maneuver so far": "No maneuver so far: of the objects that have not maneuvered.",
-    "NEES now, no maneuver so far": "NEES now: at the time of the table.",
-    "Error of known objects (km)": "Error of known objects: geometric mean of the position errors, "
-    "at the time of the table, of the objects that had a right orbit a day before; objects lost "
-    "since count with 500 km.",
-    "Error of known objects, increase by the search (%)": "Increase by the search: that of this "
-    "mean over that of the survey that stops searching.",
-    "Hours to catalog": "Hours to catalog: median time from the first detection of an object to "
-    "its confirmed orbit.",
-    "Characterized orbits": "Characterized orbits: those with enough detections of sufficiently "
-    "small noise.",
-    "Spin period determined (%)": "Spin period determined: share of the characterized orbits.",
-    "Half width of that interval (%)": "True spin period within its interval, and half width: of "
-    "the determined periods.",
-    "True area times albedo within (%)": "True amplitude and area times albedo within: share of "
-    "the characterized orbits whose 95 % interval contains the true value.",
-}
-"""Explanation of a column, by its title."""
+class Column(NamedTuple):
+    """A column of the table.
+
+    Attributes
+    ----------
+    title, quantity, format : str
+        Head of the column, quantity of the data set, and format of its numbers.
+    factor : float
+        By which the quantity is multiplied.
+    terms : str
+        Explanation for the caption.
+    """
+
+    title: str
+    quantity: str
+    format: str
+    factor: float = 1.0
+    terms: str = ""
+
+
+_COLUMNS = (
+    Column("Findable", "findable", ".0f",
+           terms="Findable: objects with at least three tracklets."),
+    Column("Linked of findable (%)", "linked_share", ".1f", 100.0,
+           terms="Linked: findable objects for which most detections of some orbit, confirmed or "
+           "not, are detections of the object."),
+    Column("Right of findable (%)", "completeness", ".1f", 100.0),
+    Column("inside of the families (%)", "completeness_inside", ".1f", 100.0,
+           terms="Inside and outside of the families: right orbits of the findable objects of "
+           "each group."),
+    Column("outside (%)", "completeness_outside", ".1f", 100.0),
+    Column("Right orbits", "right", ".0f",
+           terms="Right orbits: confirmed, within 500 km of the object at the last detection."),
+    Column("Right orbits, difference to the first survey", "right_difference", "+.0f"),
+    Column("Duplicates", "duplicate", ".1f",
+           terms="Duplicates: further confirmed orbits of an object with a right orbit."),
+    Column("Wrong of confirmed (%)", "wrong_share", ".2f", 100.0,
+           terms="Wrong orbits: confirmed, with a larger error, or with false alarms as most of "
+           "their detections."),
+    Column("Purity (%)", "purity", ".2f", 100.0,
+           terms="Purity: share of the detections in confirmed orbits that belong to the object "
+           "of the orbit."),
+    Column("Maneuvering (%)", "completeness_maneuvering", ".1f", 100.0,
+           terms="Maneuvering: right orbits of the findable objects that have maneuvered."),
+    Column("In custody (%)", "custody", ".1f", 100.0,
+           terms="In custody: findable objects with a confirmed orbit within 10 km of the object "
+           "at the time of the table."),
+    Column("NEES", "nees", ".2f",
+           terms="NEES: normalized estimation error squared of right orbits, with six degrees of "
+           "freedom, at the last detection."),
+    Column("True state within the region of 95 % (%)", "covered", ".1f", 100.0,
+           terms="True state within the region of 95 %: share of the right orbits, at the last "
+           "detection."),
+    Column("NEES, no maneuver so far", "nees_ballistic", ".2f",
+           terms="No maneuver so far: of the objects that have not maneuvered."),
+    Column("NEES now, no maneuver so far", "nees_now_ballistic", ".2f",
+           terms="NEES now: at the time of the table."),
+    Column("Error of known objects (km)", "error_known_km", ".2f",
+           terms="Error of known objects: geometric mean of the position errors, at the time of "
+           "the table, of the objects that had a right orbit a day before; objects lost "
+           "since count with 500 km."),
+    Column(
+        "Error of known objects, increase by the search (%)",
+        "search_cost", "+.1f", 100.0,
+           terms="Increase by the search: that of this mean over that of the survey that stops "
+           "searching."),
+    Column("Hours to catalog", "hours_to_catalog", ".1f",
+           terms="Hours to catalog: median time from the first detection of an object to its "
+           "confirmed orbit."),
+    Column("Characterized orbits", "bright", ".0f",
+           terms="Characterized orbits: those with enough detections of sufficiently small noise."),
+    Column("Spin period determined (%)", "period_determined", ".1f", 100.0,
+           terms="Spin period determined: share of the characterized orbits."),
+    Column("True spin period within its interval (%)", "period_covered", ".1f", 100.0),
+    Column("Half width of that interval (%)", "period_half_width", ".1f", 100.0,
+           terms="True spin period within its interval, and half width: of the determined "
+           "periods."),
+    Column("True amplitude within (%)", "amplitude_covered", ".1f", 100.0),
+    Column("True area times albedo within (%)", "area_albedo_covered", ".1f", 100.0,
+           terms="True amplitude and area times albedo within: share of the characterized orbits "
+           "whose 95 % interval contains the true value."),
+)  # fmt: skip
+"""Columns of the table, from left to right."""
 
 
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
     rows, there = [], {*tables[study]["quantity"]}
-    columns = {title: each for title, each in _QUANTITIES.items() if each[0] in there}
+    columns = [column for column in _COLUMNS if column.quantity in there]
     for (label, day), own in tables[study].groupby(["label", "day"], sort=False):
         found = own.set_index("quantity")
         rows.append([
             label, f"{day:g}", int(own["seeds"].max()),
-            *(stated(found, *column) for column in columns.values()),
+            *(stated(found, column.quantity, column.format, column.factor) for column in columns),
         ])  # fmt: skip
-    terms = " ".join(_TERMS[title] for title in columns if title in _TERMS)
-    table = markdown_table(["Survey", "Days", "Realizations", *columns], rows)
+    terms = " ".join(column.terms for column in columns if column.terms)
+    titles = [column.title for column in columns]
+    table = markdown_table(["Survey", "Days", "Realizations", *titles], rows)
     return {"table": table, "terms": terms}
 
 

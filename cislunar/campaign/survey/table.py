@@ -83,6 +83,11 @@ def catalog_rows(
         Columns `CATALOG_COLUMNS`. A quantity that no realization has is left out.
     """
     rows, first = [], next(iter(surveys), None)
+    moved = any(
+        found.get("completeness_maneuvering", pd.Series(dtype=float)).notna().any()
+        for own in realizations.values()
+        for found in own
+    )
     for name, survey in surveys.items():
         place = _described(name, survey, field_of_view_deg)
         found = pd.concat(realizations[name], ignore_index=True)
@@ -99,11 +104,10 @@ def catalog_rows(
         found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
         confirmed = found["confirmed"].where(found["confirmed"] > 0)
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
-        moved = found.get("completeness_maneuvering", pd.Series(dtype=float)).notna().any()
         for day, own in found.groupby(found["day"].round(6), sort=True):
             for quantity in QUANTITIES:
                 if quantity not in own or (quantity.endswith("_ballistic") and not moved):
-                    continue  # without maneuvers it is the same as that of all objects
+                    continue  # where no survey has maneuvers it is the same as that of all objects
                 values = own[quantity].to_numpy(dtype=float)
                 values = values[np.isfinite(values)]
                 if values.size == 0:
