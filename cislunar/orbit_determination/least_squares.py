@@ -312,7 +312,7 @@ def fit_orbits(
     parts = [np.asarray(each, dtype=np.int64) for each in rows]
     if len(parts) != len(starts):
         raise ConfigurationError(
-            f"rows: {len(parts)} sets for {len(starts)} states; give one set for each state"
+            f"rows: sets {len(parts)}, states {len(starts)}; give one set of rows for each state"
         )
     for k, part in enumerate(parts):
         if part.size < 3:

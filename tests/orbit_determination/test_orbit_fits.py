@@ -170,7 +170,7 @@ def test_bad_input_is_refused_in_one_line():
     nowhere[2] = 0.0
     for call, words in (
         (lambda: fit_orbits(angles, [np.arange(2)], HALO[None], 0.0), "at least three"),
-        (lambda: fit_orbits(angles, [], HALO[None], 0.0), "rows: 0 sets for 1 states"),
+        (lambda: fit_orbits(angles, [], HALO[None], 0.0), "rows: sets 0, states 1"),
         (lambda: make_angles(TIMES[::-1], OWNERS, at, way, SIGMA), "sort the rows"),
         (lambda: make_angles(TIMES, OWNERS, at, nowhere, SIGMA), "direction of row 2"),
         (lambda: make_angles(TIMES, OWNERS, at, way, 0.0), "sigma_rad of row 0"),
