@@ -55,6 +55,10 @@ class PairSettings(Section):
         "largest residual of the direction at the second tracklet", "deg", default=0.3)
     rate_tolerance_arcsec_s: Positive = setting(
         "largest residual of its rate", "arcsec/s", default=0.1)
+    most_starts: Count = setting(
+        "largest number of orbits through one tracklet and later ones; of more, those with the "
+        "smallest residuals are kept. Objects that fly in a group have thousands",
+        "1", default=100)
 
     # fmt: on
 
@@ -330,8 +334,8 @@ def pair_starts(
     Returns
     -------
     PairStarts
-        All local minima over the range within the tolerances, in the order of the pairs; none for a
-        pair that no orbit joins.
+        Local minima over the range within the tolerances, in the order of the pairs; none for a
+        pair that no orbit joins, and at most `settings.most_starts` for a first tracklet.
     """
     settings = PairSettings() if settings is None else settings
     rate = frame_rate(forces)
@@ -360,9 +364,17 @@ def pair_starts(
         if count >= 0:
             break
         capacity *= 4
-    first, second, cost, rho, speed = (each[:count] for each in out)
+    kept = _smallest_of_each(out[0][:count], out[2][:count], settings.most_starts)
+    first, second, cost, rho, speed = (each[kept] for each in out)
     state = states_at_ranges(tracklets, first, rho, speed, rate)
     return PairStarts(first, second, cost, tracklets.time[first], state)
+
+
+def _smallest_of_each(group: Indices, cost: Array, most: int) -> Indices:
+    """Indices of the `most` smallest costs of each group; groups are in increasing order."""
+    order = np.lexsort((cost, group))
+    rank = np.arange(group.size) - np.searchsorted(group, group)
+    return np.sort(order[rank < most])
 
 
 def pairs_within(
