@@ -18,6 +18,7 @@ from cislunar.architecture.result import SearchResult
 from cislunar.architecture.search_space import Range, build_space, hyperopt_space
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
+from cislunar.runtime.arguments import require_choice
 
 _HYPEROPT_METHODS = ("tpe", "tpe-compiled", "atpe", "random")
 
@@ -157,10 +158,7 @@ def hyperopt_search(
     progress : callable, optional
         Called with (evaluations done, `max_evaluations`).
     """
-    if method not in _HYPEROPT_METHODS:
-        raise ConfigurationError(
-            f"optimizer {method!r} is not known: use one of {list(_HYPEROPT_METHODS)}"
-        )
+    require_choice("optimizer", method, _HYPEROPT_METHODS)
     space, decode = build_space(objective, n_slots=n_slots, labels=labels)
     tried: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     history: list[float] = []

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.objective import Objective
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import require_choice
 
 Architecture = tuple[NDArray[np.int64], NDArray[np.int64]]
 
@@ -93,8 +94,7 @@ def build_space(
         raise ConfigurationError(
             f"slots = {n_slots} must lie in 1 .. {objective.n_orbits}, the number of orbits"
         )
-    if labels not in LABELS:
-        raise ConfigurationError(f"labels = {labels!r} is not known: use one of {list(LABELS)}")
+    require_choice("labels", labels, LABELS)
     slots = range(n_slots)
     space = {f"satellites_{i}": _integers(1, objective.max_satellites) for i in slots}
     ranges = _family_ranges(objective.family)

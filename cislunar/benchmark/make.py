@@ -32,6 +32,7 @@ from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits import observer_library, tracked_targets
 from cislunar.orbits.ephemeris_refined import reference_states
 from cislunar.photometry import Material, icosahedron
+from cislunar.runtime.arguments import require_choice
 from cislunar.runtime.netcdf import write_dataset, write_text
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.seeds import generator
@@ -128,8 +129,8 @@ def make_benchmark(
         If the size is unknown, the seed negative, or the folder not empty.
     """
     root = Path(folder)
-    if isinstance(size, str) and size not in SIZES:
-        raise ConfigurationError(f"size = {size!r} must be one of {', '.join(SIZES)}")
+    if isinstance(size, str):
+        require_choice("size", size, SIZES)
     if seed < 0:
         raise ConfigurationError(f"seed = {seed} must not be negative")
     if root.exists() and (not root.is_dir() or any(root.iterdir())):

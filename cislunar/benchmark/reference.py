@@ -27,7 +27,7 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.detection import Exposures
 from cislunar.dynamics import EphemerisForces, propagate_stm
 from cislunar.ephemeris import COLUMNS, read_table
-from cislunar.errors import CislunarError, ConfigurationError, ConvergenceError, InputFileError
+from cislunar.errors import CislunarError, ConvergenceError, InputFileError
 from cislunar.exchange import Segment, inertial_arc, oem_text
 from cislunar.observation import Scene, sensor_limits
 from cislunar.orbit_determination import (
@@ -36,6 +36,7 @@ from cislunar.orbit_determination import (
     OrbitFits,
     TrackletSettings,
 )
+from cislunar.runtime.arguments import require_choice
 from cislunar.runtime.netcdf import write_text
 from cislunar.survey import LineageSettings, SurveyCatalog
 
@@ -124,10 +125,7 @@ def write_reference(
     ConvergenceError
         If the catalog stays empty.
     """
-    if method not in REFERENCE_METHODS:
-        raise ConfigurationError(
-            f"method = {method!r} must be one of {', '.join(REFERENCE_METHODS)}"
-        )
+    require_choice("method", method, REFERENCE_METHODS)
     target = Path(output)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputFileError(f"{target}: is not an empty folder; give a new one")

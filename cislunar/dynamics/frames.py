@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
-from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import require_choice
 
 Array = NDArray[np.float64]
 
@@ -177,8 +177,7 @@ def recenter(state: ArrayLike, table: BodyTable, time: ArrayLike, *, old: str, n
     moved = np.array(state, dtype=float)
     position, velocity, _ = read_table(table, time)
     for name, sign in ((old, 1.0), (new, -1.0)):
-        if name not in CENTERS:
-            raise ConfigurationError(f"unknown center {name!r}: use one of {[*CENTERS]}")
+        require_choice("center", name, CENTERS)
         if name != BARYCENTER:
             at = COLUMNS[name]
             moved = moved + sign * np.concatenate([position[..., at], velocity[..., at]], axis=-1)

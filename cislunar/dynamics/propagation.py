@@ -16,7 +16,7 @@ from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.quantities import nondimensional
-from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.arguments import array_of, number_of, require_choice
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,7 @@ _NOWHERE = np.empty(0)
 def _method_and_tolerances(
     method: str, rtol: float | None, atol: float | None
 ) -> tuple[int, float, float]:
-    if method not in [*METHODS]:
-        raise ConfigurationError(f"unknown propagation method {method!r}: use one of {[*METHODS]}")
+    require_choice("method", method, METHODS)
     rtol = _DEFAULT_TOLERANCE[method] if rtol is None else number_of("rtol", rtol)
     atol = _DEFAULT_TOLERANCE[method] if atol is None else number_of("atol", atol)
     # Below about 100 machine epsilons the error estimate is roundoff and steps collapse.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
 from cislunar.quantities import date_of
+from cislunar.runtime.arguments import require_choice
 
 Array = NDArray[np.float64]
 
@@ -142,8 +143,7 @@ def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
         If the time scale is unknown, or a UTC date lies before 1972.
     """
     clock = np.asarray(seconds, dtype=float)
-    if system not in TIME_SYSTEMS:
-        raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
+    require_choice("system", system, TIME_SYSTEMS)
     if system == "TDB":
         return clock.copy()
     leaps = _leaps(clock) if system == "UTC" else 0.0
@@ -178,8 +178,7 @@ def tdb_seconds(instant: str | float) -> float:
 def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
     """Dates in a time scale at TDB seconds past J2000; the inverse of `clock_to_tdb`."""
     tdb = np.asarray(tdb_s, dtype=float)
-    if system not in TIME_SYSTEMS:
-        raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
+    require_choice("system", system, TIME_SYSTEMS)
     if system == "TDB":
         return tdb.copy()
     clock = tdb - _tdb_minus_tt(tdb)

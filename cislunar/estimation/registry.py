@@ -1,13 +1,12 @@
 """The estimators by name."""
 
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
-from cislunar.estimation.names import ESTIMATORS
 from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.runtime.arguments import require_choice
 
 
 def estimator_named(
@@ -49,8 +48,5 @@ def estimator_named(
         ),
         "batch": lambda: batch(batch_settings, process_noise=process_noise, splitting=splitting),
     }
-    if name not in factories:
-        raise ConfigurationError(
-            f"estimator {name!r} is unknown: use one of {', '.join(ESTIMATORS)}"
-        )
+    require_choice("estimator", name, factories)
     return factories[name]()

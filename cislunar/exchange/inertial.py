@@ -23,10 +23,11 @@ from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.frames import BARYCENTER
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import sample_ephemeris
-from cislunar.errors import CislunarError, ConfigurationError
+from cislunar.errors import CislunarError
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.exchange.table_rows import check_state
+from cislunar.runtime.arguments import require_choice
 
 Array = NDArray[np.float64]
 
@@ -171,8 +172,7 @@ def _turned(covariance: ArrayLike, turn: Array) -> Array:
 
 def origin_of(center: str) -> Array:
     """State (6,) of an origin, nondimensional, rotating frame; refuses an unknown one."""
-    if center not in CENTERS:
-        raise ConfigurationError(f"center {center!r} is unknown: use one of {', '.join(CENTERS)}")
+    require_choice("center", center, CENTERS)
     return np.array([_PLACES[CENTERS[center]], 0.0, 0.0, 0.0, 0.0, 0.0])
 
 

@@ -32,6 +32,10 @@ _TOLERANCE = 1e-9
 _FARTHEST = 0.1
 """Distance in the tangent plane from which on a tracklet is not of an orbit, however uncertain."""
 
+_MOST_REJECTED = 100
+"""Tracklets that an orbit rejects before its extension ends. Some fifty are usual at most; of an
+object in a group, the tracklets that mix detections of its members are thousands."""
+
 _SHORT_ARC, _AT_ONCE, _MOST_AT_ONCE = 3, 4, 32
 """Tracklets below which an orbit takes the most probable tracklet alone, and the smallest and
 largest number of tracklets that other orbits take before they are fitted again. The number grows
@@ -222,7 +226,7 @@ def extend_orbits(
 ) -> OrbitHypotheses:
     """Attribute usable tracklets (tracklet,) to orbits as long as the fits agree with the angles.
     Tracklets are sought within `spans_h` before the first and after the last tracklet of an orbit,
-    one span after the other."""
+    one span after the other, until it has rejected `_MOST_REJECTED`."""
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
@@ -274,7 +278,8 @@ def extend_orbits(
                     at_once[k] = _AT_ONCE
                 else:
                     rejected[k].add(added[0])
-                later.append(k)
+                if len(rejected[k]) < _MOST_REJECTED:
+                    later.append(k)
         active = sorted(later)
     return OrbitHypotheses(concatenate_fits(parts, fits), tuple(tuple(each) for each in members))
 

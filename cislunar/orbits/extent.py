@@ -13,6 +13,7 @@ from cislunar.orbits import branches
 from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import HalfOrbit, X, Z
 from cislunar.orbits.stability import stability_index
+from cislunar.runtime.arguments import require_choice
 from cislunar.runtime.settings_fields import NotNegative, Section, setting
 
 _MEMBERS_BEFORE_CLEARANCE = 100
@@ -119,8 +120,7 @@ def measure_of(quantity: str, mu: float = MU) -> Measure:
         "perilune_km": lambda member: distances_km(member.half, mu)[1],
         "perigee_km": lambda member: distances_km(member.half, mu)[0],
     }
-    if quantity not in measures:
-        raise ConfigurationError(f"unknown orbit quantity {quantity!r}: use one of {[*measures]}")
+    require_choice("quantity", quantity, measures)
     return measures[quantity]
 
 

@@ -1,13 +1,13 @@
 """Arguments of public functions: wrong kinds, shapes and numbers are refused in one line."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.runtime.settings_words import shown
 
 Array = NDArray[np.float64]
@@ -112,6 +112,15 @@ def count_of(name: str, given: Any, least: int = 1, most: int | None = None) -> 
         limits = f"of at least {least}{f' and at most {most:,}' if most else ''}"
         raise ConfigurationError(f"{name} = {shown(given)} must be a whole number {limits}")
     return int(given)
+
+
+def require_choice(name: str, given: Any, choices: Iterable[str]) -> None:
+    """Raise a `ConfigurationError` if an argument is none of the known names."""
+    names = list(choices)
+    if given not in names:
+        close = did_you_mean(given, names) if isinstance(given, str) else ""
+        rule = f"must be one of {', '.join(names)}{close and '; '}{close}"
+        raise ConfigurationError(f"{name} = {shown(given)} {rule}")
 
 
 def require_kind(name: str, given: Any, kind: Any, remedy: str) -> None:

@@ -35,6 +35,7 @@ from scipy.spatial import cKDTree
 
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import require_choice
 
 Phases = Callable[[str], Callable[[int, int], None]]
 
@@ -179,8 +180,7 @@ def _seed_centers(
     `points` (distinct, 3); `seeding` is one of `SEEDINGS`."""
     from sklearn.cluster import kmeans_plusplus
 
-    if seeding not in SEEDINGS:
-        raise ConfigurationError(f"seeding: {seeding!r} is not one of {', '.join(SEEDINGS)}")
+    require_choice("seeding", seeding, SEEDINGS)
     if n_clusters == len(points):
         return points.copy()
     if seeding == "random":

@@ -30,7 +30,7 @@ from cislunar.dynamics.cr3bp import (
     pseudo_potential,
     zero_velocity_function,
 )
-from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import require_choice
 
 REGIONS = ("moon", "earth", "bodies", "all")
 
@@ -57,8 +57,7 @@ def reachable(
     """Whether points (..., 3), nondimensional, rotating frame, belong to the region of a Jacobi
     constant: ``"moon"`` or ``"earth"``, the component of 2U >= JC that contains that body;
     ``"bodies"``, those that contain either; ``"all"``, the whole of 2U >= JC."""
-    if region not in REGIONS:
-        raise ConfigurationError(f"region: {region!r} is not one of {', '.join(REGIONS)}")
+    require_choice("region", region, REGIONS)
     jc = np.asarray(jacobi, dtype=float)
     allowed = zero_velocity_function(position, jc, mu) >= 0.0
     if region == "all":

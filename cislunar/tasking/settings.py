@@ -12,6 +12,7 @@ from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import GroundSensor, Sensor
 from cislunar.runtime import Array, count_of, number_of, require_kind, require_multiple
+from cislunar.runtime.arguments import require_choice
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning import EARLY_STOP, MAX_EVALUATIONS, METHODS, TaskingModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -97,8 +98,7 @@ class LoopSettings:
             number_of(key, getattr(self, key), positive=True)
         require_multiple("interval_minutes", self.interval_minutes, 60.0, self.step_s)
         require_multiple("duration_hours", self.duration_hours, 3600.0, self.step_s)
-        if self.method not in METHODS:
-            raise ConfigurationError(f"method = {self.method!r} is unknown: use one of {METHODS}")
+        require_choice("method", self.method, METHODS)
         for key in ("max_evaluations", "early_stop", "record_every"):
             count_of(key, getattr(self, key))
         for key, kind in (

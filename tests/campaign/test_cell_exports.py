@@ -170,7 +170,7 @@ def test_states_of_ephemeris_dynamics_have_the_ephemeris_as_center(cell, inputs)
     scaled = cell["covariance"].values[0, :, 0] * np.outer(units, units)
     np.testing.assert_allclose(estimate.covariance, scaled, rtol=1e-12)
     np.testing.assert_array_equal(estimate.covariance, moved.covariance)
-    with pytest.raises(ConfigurationError, match="center 'MARS' is unknown: use one of"):
+    with pytest.raises(ConfigurationError, match="center = 'MARS' must be one of"):
         cell_arcs(cell, inputs.sun, center="MARS")
 
 

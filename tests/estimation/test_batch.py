@@ -188,9 +188,9 @@ def test_every_estimator_runs_in_the_loop_by_name(name):
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(ConfigurationError, match="'ekf' is unknown: use one of mukf, batch"):
+    with pytest.raises(ConfigurationError, match="'ekf' must be one of mukf, batch"):
         estimator_named("ekf")
-    with pytest.raises(ConfigurationError, match="preset 'best' is unknown"):
+    with pytest.raises(ConfigurationError, match="settings = 'best' must be one of"):
         batch("best")
 
 

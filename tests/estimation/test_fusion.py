@@ -78,7 +78,7 @@ def test_no_correlation_makes_the_intersection_overconfident():
 
 
 def test_an_unknown_fusion_is_refused():
-    with pytest.raises(ConfigurationError, match="fusion = 'best' is unknown"):
+    with pytest.raises(ConfigurationError, match="fusion = 'best' must be one of"):
         catalogs(estimator_named("mukf"), "best")
 
 

@@ -74,7 +74,7 @@ MISTAKES = {
     "small covariance": (target(**STATE, covariance_km=[1, 2]), "covariance_km has shape"),
     "negative covariance": (target(**STATE, covariance_km=-np.eye(6)), "positive definite"),
     "quaternion of norm 2": (target(**STATE, quaternion=[0, 0, 0, 2]), "has norm 2"),
-    "unknown center": (target(icrf_km=[4e5, 0, 0, 0, 1, 0], center="MARS"), "'MARS' is unknown"),
+    "unknown center": (target(icrf_km=[4e5, 0, 0, 0, 1, 0], center="MARS"), "'MARS' must be one of"),
     "center without ICRF": (target(**STATE, center="MOON"), "center belongs to icrf_km"),
     "a name twice": (
         lambda: studied(EYE, {"a": {"family": "Halo_L2_S", "count": 2}, "a 1": TARGET["a"]}),
@@ -118,7 +118,7 @@ MISTAKES = {
     ),
     "no center": (
         target(icrf_km=[4e5, 0, 0, 0, 1, 0], center=None),
-        "target 'a': center 'NONE' is unknown: use one of EARTH, MOON, EARTH BARYCENTER",
+        "target 'a': center = 'NONE' must be one of EARTH, MOON, EARTH BARYCENTER",
     ),
     "meters in the ICRF": (target(icrf_km=[4e8, 0, 0, 0, 1e3, 0]), "taken in km"),
     "m/s as km/s": (target(state_km=[4e5, 0, -6e4, 0, 100, 0]), "taken in km/s"),

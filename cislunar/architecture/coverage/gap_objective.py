@@ -10,6 +10,7 @@ from cislunar.architecture.coverage.tables import CoverageTables
 from cislunar.architecture.objective import IMPROVES, Replacement, first_best
 from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import require_choice
 
 GAP_MEASURES = ("longest", "mean", "wait")
 """Measures of a target: longest gap, mean length of its gaps, mean time to wait for an
@@ -106,10 +107,7 @@ class GapObjective(CoverageObjective):
     """
 
     def __init__(self, tables: CoverageTables, measure: str) -> None:
-        if measure not in GAP_MEASURES:
-            raise ConfigurationError(
-                f"measure = {measure!r} is not known: use one of {list(GAP_MEASURES)}"
-            )
+        require_choice("measure", measure, GAP_MEASURES)
         if tables.fold != 1:
             raise ConfigurationError(f"fold = {tables.fold}: gaps need single coverage, fold = 1")
         super().__init__(tables)

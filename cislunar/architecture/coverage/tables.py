@@ -13,6 +13,7 @@ from cislunar.architecture.orbit_slots import free_orbit_slots, orbit_slots_at, 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
+from cislunar.runtime.arguments import require_choice
 from cislunar.visibility import VisibilitySettings, distinct_phases, mark_observations
 from cislunar.visibility.shade import lost_observations, shade_of
 from cislunar.visibility.tracks import satellite_tracks
@@ -144,8 +145,7 @@ def coverage_tables(
         raise ConfigurationError(f"phases = {phases} must be at least 1")
     if fold < 1:
         raise ConfigurationError(f"fold = {fold} must be at least 1")
-    if window not in _WINDOWS:
-        raise ConfigurationError(f"window = {window!r} is not known: use one of {list(_WINDOWS)}")
+    require_choice("window", window, _WINDOWS)
     allowed = steady_orbits(orbits, max_stability_index)
     if phases is None:
         phase, members = distinct_phases(max_satellites)

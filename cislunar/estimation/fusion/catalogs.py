@@ -35,6 +35,7 @@ from cislunar.observation.records import Measurements, no_measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, surfaces_of
+from cislunar.runtime.arguments import require_choice
 
 Array = NDArray[np.float64]
 
@@ -223,8 +224,7 @@ def catalogs(factory: EstimatorFactory, fusion: str) -> EstimatorFactory:
         Fused estimate: that of the best observer, or the covariance intersection of all. "common"
         returns `factory`: one estimator of all measurements.
     """
-    if fusion not in FUSIONS:
-        raise ConfigurationError(f"fusion = {fusion!r} is unknown: use one of {list(FUSIONS)}")
+    require_choice("fusion", fusion, FUSIONS)
     if fusion == "common":
         return factory
     if getattr(factory, "estimated_parameters", BodyParameterPrior()):

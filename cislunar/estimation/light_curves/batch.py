@@ -65,6 +65,7 @@ from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors, sensor_limits, sensors_of
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.arguments import require_choice
 from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
@@ -382,10 +383,7 @@ def batch(
     """Factory of the batch estimator for the tasking loop; see `BatchEstimator`. `settings` may be
     the name of one of the `PRESETS`."""
     if isinstance(settings, str):
-        if settings not in PRESETS:
-            raise ConfigurationError(
-                f"batch preset {settings!r} is unknown: use one of {', '.join(PRESETS)}"
-            )
+        require_choice("settings", settings, PRESETS)
         settings = PRESETS[settings]
 
     given = {"settings": settings, "process_noise": process_noise, "splitting": splitting}

@@ -6,7 +6,7 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.navigation.errors import TREATMENTS, ObserverErrorSigma
 from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.runtime.arguments import require_kind
+from cislunar.runtime.arguments import require_choice, require_kind
 
 
 def navigated(
@@ -38,10 +38,7 @@ def navigated(
     ConfigurationError
         If the treatment is unknown, or all standard deviations are zero.
     """
-    if treatment not in TREATMENTS:
-        raise ConfigurationError(
-            f"treatment = {treatment!r} is unknown: use one of {list(TREATMENTS)}"
-        )
+    require_choice("treatment", treatment, TREATMENTS)
     if treatment == "none":
         return factory
     require_kind("sigma", sigma, ObserverErrorSigma, "give an ObserverErrorSigma")

@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import require_choice
 
 INFORMATION_DECIMALS = 9
 """Decimals of the information, nats, by which taskings are compared."""
@@ -207,8 +208,7 @@ def assign(
             f"information of shape {matrix.shape} must be a matrix of finite numbers"
         )
     matrix = np.round(matrix, INFORMATION_DECIMALS)
-    if method not in METHODS:
-        raise ConfigurationError(f"method = {method!r} is unknown: use one of {list(METHODS)}")
+    require_choice("method", method, METHODS)
     if method in _DIRECT:
         target, history = _DIRECT[method](matrix), None
     else:

@@ -34,6 +34,7 @@ from cislunar.observation.sightline import METERS, in_clear_view, sphere_brighte
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime.arguments import require_choice
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information_bound import bound_all
 
@@ -75,10 +76,7 @@ class TaskingModel:
     detection: DetectionModel | None = None
 
     def __post_init__(self) -> None:
-        if self.states not in STATES:
-            raise ConfigurationError(
-                f"states = {self.states!r} is unknown: use one of {list(STATES)}"
-            )
+        require_choice("states", self.states, STATES)
         if self.measurements < 1:
             raise ConfigurationError(f"measurements = {self.measurements} must be at least 1")
         faintness_per_squared_range(
