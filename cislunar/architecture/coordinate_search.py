@@ -218,6 +218,11 @@ def coordinate_search(
     Returns
     -------
     MultiStartResult
+
+    Raises
+    ------
+    ConfigurationError
+        If an argument is of another kind or impossible, or there is no start at all.
     """
     require_kind("rng", rng, np.random.Generator, "give numpy.random.default_rng(seed)")
     n_slots, restarts = count_of("n_slots", n_slots), count_of("restarts", restarts, least=0)

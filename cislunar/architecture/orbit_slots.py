@@ -31,8 +31,13 @@ class OrbitSlots(NamedTuple):
 
 
 def steady_orbits(orbits: OrbitSet, max_stability_index: float) -> NDArray[np.int64]:
-    """Indices of the orbits whose stability index is at most `max_stability_index`; it is an error
-    if there is none."""
+    """Indices of the orbits whose stability index is at most `max_stability_index`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none.
+    """
     allowed = np.flatnonzero(orbits.stability_index <= max_stability_index)
     if allowed.size == 0:
         raise ConfigurationError(
@@ -62,6 +67,11 @@ def free_orbit_slots(
         Number of phases of each orbit.
     max_stability_index : float
         Orbits with a larger stability index are excluded.
+
+    Raises
+    ------
+    ConfigurationError
+        If `phases` is less than 1, or no orbit has a stability index within the limit.
     """
     if phases < 1:
         raise ConfigurationError(f"phases = {phases} must be at least 1")

@@ -233,6 +233,11 @@ def find_candidates(
     -------
     Window
         Its covariances are identities, and its detections rows of `detections`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the gate of `expected` is no probability between 0 and 1.
     """
     n_tracks, n = orbits.translation.shape
     begin = np.searchsorted(detections.exposure, np.arange(exposures.step.size + 1))

@@ -54,6 +54,11 @@ def associate_frames(
     -------
     Association
         The best of all compatible sets of hypotheses.
+
+    Raises
+    ------
+    ConfigurationError
+        If `gate_probability` does not lie between 0 and 1.
     """
     n_tracks, n = window.covariance.shape[:2]
     rows = np.lexsort((window.exposure, window.track))

@@ -32,6 +32,11 @@ def nearest_neighbor(window: Window, gate_probability: float) -> Association:
     Association
         At most one detection of an exposure for a track, and one track for a detection, such that
         the sum of the log-likelihood ratios and those of missed detections is largest.
+
+    Raises
+    ------
+    ConfigurationError
+        If `gate_probability` does not lie between 0 and 1.
     """
     gate = gate_threshold(gate_probability, 2)
     shift, covariance = window.start()

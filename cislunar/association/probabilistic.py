@@ -39,6 +39,11 @@ def joint_probabilities(window: Window, gate_probability: float) -> Association:
     -------
     Association
         Weights of a track in an exposure add to one less the probability of a missed detection.
+
+    Raises
+    ------
+    ConfigurationError
+        If `gate_probability` does not lie between 0 and 1.
     """
     gate = gate_threshold(gate_probability, 2)
     shift, covariance = window.start()

@@ -84,6 +84,11 @@ def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Arr
     -------
     ndarray, shape (..., 4)
         Unit quaternions, scalar last.
+
+    Raises
+    ------
+    ConfigurationError
+        If `a` lies outside of [0, 1] and `f` is omitted.
     """
     scale = scale_for(a) if f is None else f
     p = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
@@ -104,6 +109,11 @@ def from_quaternion(q: ArrayLike, a: float = GRP_A, f: float | None = None) -> A
     -------
     ndarray, shape (..., 3)
         GRP vectors; infinite for a rotation by pi when a = 0.
+
+    Raises
+    ------
+    ConfigurationError
+        If `a` lies outside of [0, 1] and `f` is omitted.
     """
     scale = scale_for(a) if f is None else f
     q = np.asarray(q, dtype=float)

@@ -80,6 +80,11 @@ def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
     ----------
     inertia : array_like, shape (body, 3, 3)
         Body frame, any unit; each matrix is validated by `inertia_matrix`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the inertia of a body is not physical; see `inertia_matrix`.
     """
     # most often all bodies are equal, and validating one takes longer than propagating it
     given, kind = np.unique(np.asarray(inertia, dtype=float), axis=0, return_inverse=True)

@@ -198,6 +198,11 @@ def read_public_data(folder: str | Path, scenario: BenchmarkScenario) -> PublicD
     -------
     PublicData
 
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If a file or a column is missing, a value is impossible, or the kernel of the scenario
+        cannot be used.
     """
     table, place, fault = observation_table(Path(folder) / EXPOSURES)
     exposures = table.assign(tdb=checked(table, (), fault=fault, place=place)["tdb"])

@@ -99,6 +99,11 @@ def point_at(
     position : ndarray, shape (track, step, >= 3)
         Predicted positions, nondimensional, propagation frame. There is no exposure where they are
         NaN.
+
+    Raises
+    ------
+    ConfigurationError
+        If `sensor` is neither one sensor nor one for each observer.
     """
     limits = sensor_limits(sensor, scene.observer_position.shape[0])
     step, observer = np.nonzero(command >= 0)
@@ -222,6 +227,11 @@ def expose(
     outcome : ndarray of uint8, shape (exposure,)
         FAINT, EXCLUDED, OCCULTED or DETECTED of the commanded target; NOT_TASKED if it was outside
         the field.
+
+    Raises
+    ------
+    ConfigurationError
+        If `sensor` or `true` is neither one sensor nor one for each observer.
     """
     n_observers = scene.observer_position.shape[0]
     limits = sensor_limits(sensor, n_observers)

@@ -234,6 +234,11 @@ def libration_points(mu: float = MU) -> Array:
     ndarray, shape (5, 3)
         L1 (between the primaries), L2 (beyond the Moon), L3 (beyond the Earth), L4 (leading)
         and L5 (trailing); nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the mass ratio lies outside of (0, 0.5].
     """
     if not 0.0 < mu <= 0.5:
         raise ConfigurationError(f"mass ratio mu = {mu} must lie in (0, 0.5]")

@@ -55,6 +55,9 @@ def forces_between(
 
     Raises
     ------
+    ConfigurationError
+        If a date is none or lies before 1972, or the area-to-mass ratio or the reflectivity is
+        impossible.
     InputFileError
         If the kernel is missing, lacks a body, or does not cover the span.
     """
@@ -101,12 +104,13 @@ def propagate_utc(
     Raises
     ------
     ConfigurationError
-        If the state lies inside a body or is evidently in other units than km and km/s, or the
-        force model does not cover the dates.
+        If the state lies inside a body or is evidently in other units than km and km/s, the force
+        model does not cover the dates, or another argument is impossible.
     InputFileError
         If DE421 is missing or does not cover the dates.
     ConvergenceError
-        If the step size underflows, as on a collision with a body's center.
+        If the step size underflows, as on a collision with a body's center, or too many steps are
+        needed.
     """
     require_kind("center", center, str, "give 'barycenter', 'earth', 'moon' or 'sun'")
     stops = [stop] if isinstance(stop, str) or np.ndim(stop) == 0 else [*stop]

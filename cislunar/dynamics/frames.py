@@ -101,7 +101,8 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
 
 
 def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
-    """Frame with constant units that coincides with the Moon's center; see `pulsating_frame`."""
+    """Frame with constant units that coincides with the Moon's center; for arguments and errors
+    see `pulsating_frame`."""
     position, velocity, _ = read_table(table, time)
     earth, moon = COLUMNS["earth"], COLUMNS["moon"]
     axes = rotating_frame(
@@ -172,8 +173,29 @@ def from_inertial(state: ArrayLike, frame: Frame) -> Array:
 
 
 def recenter(state: ArrayLike, table: BodyTable, time: ArrayLike, *, old: str, new: str) -> Array:
-    """States (..., 6), J2000 axes, km and km/s, relative to another origin: "barycenter" (of Earth
-    and Moon), "earth", "moon" or "sun"; `time` is TDB seconds past J2000."""
+    """States relative to another origin.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., 6)
+        J2000 axes, relative to `old`, km and km/s.
+    table : BodyTable
+        Positions of the bodies.
+    time : array_like, shape (...)
+        TDB seconds past J2000.
+    old, new : {"barycenter", "earth", "moon", "sun"}
+        Origins; the barycenter is that of Earth and Moon.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        J2000 axes, relative to `new`, km and km/s.
+
+    Raises
+    ------
+    ConfigurationError
+        If an origin is unknown, or a time lies outside of the table.
+    """
     moved = np.array(state, dtype=float)
     position, velocity, _ = read_table(table, time)
     for name, sign in ((old, 1.0), (new, -1.0)):

@@ -120,9 +120,10 @@ def propagate(
     Raises
     ------
     ConfigurationError
-        If the force model does not cover the times, or a CR3BP state is evidently in km.
+        If an argument is impossible, the force model does not cover the times, or a CR3BP state is
+        evidently in km.
     ConvergenceError
-        If the step size underflows, as on a collision with a primary.
+        If the step size underflows, as on a collision with a primary, or too many steps are needed.
     """
     code, rtol, atol = _method_and_tolerances(method, rtol, atol)
     y0 = state_vector(state)
@@ -268,6 +269,13 @@ def propagate_periodic(
     -------
     ndarray, shape (m, 6)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the period is not positive, or another argument is impossible; see `propagate`.
+    ConvergenceError
+        If the step size underflows, as on a collision with a primary, or too many steps are needed.
     """
     period = number_of("period", nondimensional("period", period, "time"), positive=True)
     wrapped = _wrapped(array_of("times", nondimensional("times", times, "time")), period)
@@ -340,6 +348,11 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
     -------
     ndarray, shape (orbit, 6)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError, ConvergenceError
+        If the states cannot be propagated; see `propagate_many`.
     """
     states = np.array(state, dtype=float)
     if time == 0.0:
@@ -366,6 +379,13 @@ def closest_approaches(state: ArrayLike, duration: float, *, mu: float = MU) -> 
     -------
     perigee, perilune : float
         Distances from the centers, nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the duration is not positive, or the state is not of 6 finite numbers.
+    ConvergenceError
+        If the step size underflows, as on a collision with a primary, or too many steps are needed.
     """
     if not duration > 0.0:
         raise ConfigurationError(f"duration = {duration} must be positive")

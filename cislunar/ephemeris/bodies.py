@@ -82,6 +82,8 @@ def tabulate_bodies(start: float, stop: float, kernel: str | Path = DEFAULT_KERN
 
     Raises
     ------
+    ConfigurationError
+        If the span is not finite.
     InputFileError
         If the kernel is missing, lacks a body, or does not cover the span.
     """

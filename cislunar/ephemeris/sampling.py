@@ -91,6 +91,8 @@ def sample_ephemeris(
 
     Raises
     ------
+    ConfigurationError
+        If the epoch is no date or lies before 1972, or another argument is impossible.
     InputFileError
         If the kernel is missing, lacks a body, or does not cover the dates.
     """

@@ -63,8 +63,12 @@ def utc_to_tdb(time_utc_jd: ArrayLike, name: str = "time_utc_jd") -> Array:
     ``1.657 ms sin(E)`` with the Earth's eccentric anomaly E, the formula of SPICE.
 
     A Julian date has a resolution of 40 microseconds. It stands for the nearest date with four
-    decimals of a second, so that a calendar date with no more decimals is recovered exactly. An
-    error names the argument by `name`.
+    decimals of a second, so that a calendar date with no more decimals is recovered exactly.
+
+    Raises
+    ------
+    ConfigurationError
+        If a date is not finite or lies before 1972; the message names the argument by `name`.
     """
     elapsed = (_utc_dates(name, time_utc_jd) - J2000_JD) * SECONDS_PER_DAY
     return clock_to_tdb(np.round(elapsed, 4), "UTC")
@@ -100,6 +104,11 @@ def clock_seconds(date: str) -> float:
         ISO 8601: ``2024-10-01``, ``2024-10-01T06:30:00.5`` or, with the day of the year,
         ``2024-275T06:30:00``; a blank may stand for the T, and a Z or +00:00 may follow. Other time
         zones and leap seconds are not supported.
+
+    Raises
+    ------
+    ConfigurationError
+        If the text is not such a date.
     """
     try:
         found = _DATE.fullmatch(date.strip())
@@ -118,7 +127,13 @@ def clock_seconds(date: str) -> float:
 
 
 def julian_date(date: str) -> float:
-    """Julian date of an ISO 8601 date (see `clock_seconds`) in the same time scale."""
+    """Julian date of an ISO 8601 date (see `clock_seconds`) in the same time scale.
+
+    Raises
+    ------
+    ConfigurationError
+        If the text is not such a date.
+    """
     return J2000_JD + clock_seconds(date) / SECONDS_PER_DAY
 
 
@@ -176,7 +191,25 @@ def tdb_seconds(instant: str | float) -> float:
 
 
 def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
-    """Dates in a time scale at TDB seconds past J2000; the inverse of `clock_to_tdb`."""
+    """Dates in a time scale, as from `clock_seconds`; the inverse of `clock_to_tdb`.
+
+    Parameters
+    ----------
+    tdb_s : array_like
+        TDB seconds past J2000.
+    system : {"UTC", "TAI", "TT", "TDB"}
+        Time scale of the dates.
+
+    Returns
+    -------
+    ndarray
+        Seconds.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time scale is unknown, or a UTC date lies before 1972.
+    """
     tdb = np.asarray(tdb_s, dtype=float)
     require_choice("system", system, TIME_SYSTEMS)
     if system == "TDB":

@@ -36,6 +36,11 @@ def estimator_named(
     use_magnitude, extra_magnitude_noise, noise_memory, estimated_parameters
         Of the paper's filter, see `cislunar.estimation.kalman.mukf.MultiplicativeUKF`. The batch
         estimator has its own settings of noise and parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name of the estimator or of the preset is unknown.
     """
     factories = {
         "mukf": lambda: mukf(

@@ -236,6 +236,11 @@ class CramerRaoBound:
         Body parameters that have to be estimated; none, if omitted.
     forces : NamedTuple
         True force model, see `cislunar.dynamics.forces`.
+
+    Raises
+    ------
+    ConfigurationError
+        If `sigma` is not of twelve positive numbers.
     """
 
     def __init__(
@@ -303,6 +308,11 @@ class CramerRaoBound:
             small GRP vector equals), angular velocity (rad/s), position and velocity
             (nondimensional). NaN at other steps, after the true trajectory has entered the Earth or
             the Moon, and from the first measurement without noise on.
+
+        Raises
+        ------
+        ConfigurationError
+            If measurements, true states and scene do not fit each other, or a variance is negative.
         """
         n_targets, n_offsets = measurements.offset.shape
         n_times = self._model[0].sun_position.shape[0] - self._index

@@ -152,6 +152,11 @@ def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:
         Times since the epoch, s of UTC.
     state : ndarray, shape (time, 6)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the center of the segment is unknown.
     """
     elapsed = tdb_since(epoch.tdb_s, segment.tdb_s)
     return elapsed, rotating_states(segment.state, elapsed, epoch, segment.center)

@@ -111,8 +111,14 @@ def rotating_states(
 
 
 def rotating_state_at(place: str, segments: Sequence[Segment], epoch: Epoch) -> Array:
-    """State (6,) of an object at an epoch, nondimensional, rotating frame, from its segments; an
-    error that begins with `place` if they do not cover it, or for an impossible state or center."""
+    """State (6,) of an object at an epoch, nondimensional, rotating frame, from its segments.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If the segments do not cover the epoch, or the state or the center is impossible; the
+        message begins with `place`.
+    """
     try:
         state, center = state_at(segments, epoch.tdb_s)
         found = rotating_states(state[None], [0.0], epoch, center)[0]

@@ -83,7 +83,13 @@ def number_row(values: Iterable[float]) -> str:
 
 
 def dates(tdb_s: ArrayLike, time_system: str) -> list[str]:
-    """ISO 8601 dates in a time scale, to the microsecond, at TDB seconds past J2000."""
+    """ISO 8601 dates in a time scale, to the microsecond, at TDB seconds past J2000.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time scale is unknown, or a UTC date lies before 1972.
+    """
     return [clock_text(each) for each in tdb_to_clock(tdb_s, time_system).tolist()]
 
 

@@ -48,6 +48,11 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
         Arcs, in order. Covariances at times without a state are omitted.
     time_system : {"UTC", "TAI", "TT", "TDB"}
         Time scale of the dates, which are written to the microsecond.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time scale is unknown, or a UTC date lies before 1972.
     """
     given = list(segments)
     covariance = _COVARIANCE if any(len(each.covariance) for each in given) else ()

@@ -204,7 +204,8 @@ def row_state(place: str, row: Row, position: Columns, velocity: Columns) -> lis
 
 
 def row_period(place: str, row: Row, period: Columns | None) -> float:
-    """Period of a row, nondimensional; 0 if the row has none."""
+    """Period of a row, nondimensional; 0 if the row has none. Raises `InputFileError` if it is no
+    number, negative or too long."""
     if period is None or not row[period[0][0]]:
         return 0.0
     (given,) = row_numbers(place, row, period)

@@ -20,7 +20,7 @@ def body_from_spec(spec: BodySpec, usual: Material) -> Body:
     Parameters
     ----------
     spec : BodySpec
-        Shape, size and materials; impossible ones raise the errors of `BodySpec.check`.
+        Shape, size and materials.
     usual : Material
         Material of facets for which the specification has none.
 
@@ -29,6 +29,13 @@ def body_from_spec(spec: BodySpec, usual: Material) -> Body:
     Body
         Bodies of one shape share one table of shadows, whatever their size, axis scale and
         materials.
+
+    Raises
+    ------
+    ConfigurationError
+        If a facet has no material, or a material is given for an unknown group.
+    InputFileError
+        If the mesh or the text of the materials cannot be used.
     """
     path = Path(spec.shape)
     changed = path.stat().st_mtime_ns if path.suffix and path.is_file() else 0
@@ -65,6 +72,11 @@ def equal_sphere_of(body: Body, model: PhotometryModel) -> tuple[float, float]:
     -------
     radius_m, coefficient : float
         Radius of the sphere of the same area, m; C_d, the area-weighted mean over the materials.
+
+    Raises
+    ------
+    InputFileError
+        If the table of the reflection law cannot be used.
     """
     each = [equal_sphere_coefficient(Material(*map(float, row)), model) for row in body.materials]
     mean = np.average(np.array(each)[body.rows], weights=body.areas) if len(each) > 1 else each[0]

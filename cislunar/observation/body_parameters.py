@@ -167,7 +167,13 @@ def _unknown(groups: Iterable[tuple[NDArray, float]]) -> tuple[NDArray[np.int64]
 
 def require_freedom(prior: BodyParameterPrior, freedom: float | None) -> None:
     """Refuse degrees of freedom of Student's t distribution without a variance, or without
-    deviations that follow it."""
+    deviations that follow it.
+
+    Raises
+    ------
+    ConfigurationError
+        If `freedom` is not above 2, or every standard deviation is 0.
+    """
     if freedom is None:
         return
     if not freedom > 2.0:

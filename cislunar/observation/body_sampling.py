@@ -127,6 +127,11 @@ def sample_rotations(
         Sampled again where no rigid body has it.
     angular_acceleration : ndarray, shape (target, 3)
         Due to a torque that is constant in the body frame, rad/s^2.
+
+    Raises
+    ------
+    ConfigurationError
+        If no draw is the inertia of a rigid body.
     """
     kinds, sigma = prior.rotation_kinds()
     new, forced = inertia.copy(), np.zeros((inertia.shape[0], 3))

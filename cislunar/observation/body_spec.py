@@ -210,6 +210,11 @@ def bodies_of_targets(usual: BodySpec, names: Sequence[Sequence[str]]) -> list[B
         target without one in the table.
     names : sequence of sequence of str
         Possible names of each target.
+
+    Raises
+    ------
+    InputFileError
+        If the table of bodies cannot be used; see `load_body_table`.
     """
     known = {} if usual.table is None else load_body_table(usual.table)
     scaled = {"axis_scale": usual.axis_scale}

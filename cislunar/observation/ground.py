@@ -48,6 +48,11 @@ def station_positions(
         Geodetic, deg; longitude east.
     height_m : array_like, shape (station,)
         Height above the ellipsoid, m.
+
+    Raises
+    ------
+    ConfigurationError
+        If a station is not on the globe.
     """
     import spiceypy
 
@@ -88,6 +93,11 @@ def station_tracks(
     -------
     ndarray, shape (station, time, 3)
         Nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If a time lies outside of the table.
     """
     times = np.asarray(time, dtype=float)
     fixed = np.asarray(position_km, dtype=float)

@@ -220,6 +220,12 @@ def measure(
         A record for each observation, with the variance of the sensor at the measured magnitude.
     outcome : ndarray of uint8, shape (row,)
         FAINT, EXCLUDED, OCCULTED or DETECTED.
+
+    Raises
+    ------
+    ConfigurationError
+        If a target has more observations at a step than errors, or `sensor` or `true` is neither
+        one sensor nor one for each observer.
     """
     most = int(np.diff(observations.offset, axis=1).max(initial=0))
     if most > noise.shape[2]:

@@ -140,6 +140,11 @@ def constant_schedule(target: ArrayLike, n_targets: int, n_steps: int) -> Schedu
     target : array_like of int, shape (observer,)
         Target of each observer; negative for an idle one.
     n_targets, n_steps : int
+
+    Raises
+    ------
+    ConfigurationError
+        If a target is not below `n_targets`.
     """
     return pointed_schedule(np.tile(np.asarray(target, dtype=np.int64), (n_steps, 1)), n_targets)
 
@@ -152,6 +157,11 @@ def pointed_schedule(target: ArrayLike, n_targets: int) -> Schedule:
     target : array_like of int, shape (step, observer)
         Target of each observer at each step; negative for an idle one.
     n_targets : int
+
+    Raises
+    ------
+    ConfigurationError
+        If a target is not below `n_targets`.
     """
     targets = np.asarray(target, dtype=np.int64)
     step, observer = np.nonzero(targets >= 0)

@@ -215,6 +215,11 @@ def sensors_of(sensor: Sensors, n_observers: int) -> tuple[Sensor, ...]:
     sensor : Sensor or sequence of Sensor
         One for all observers, or one for each.
     n_observers : int
+
+    Raises
+    ------
+    ConfigurationError
+        If their number is not that of the observers.
     """
     found = (sensor,) * n_observers if isinstance(sensor, Sensor) else tuple(sensor)
     if len(found) != n_observers:

@@ -128,6 +128,14 @@ def target_surfaces(
     Returns
     -------
     TargetSurfaces
+
+    Raises
+    ------
+    ConfigurationError
+        If an argument is of another kind, there is neither one for all targets nor one for each, an
+        inertia is not physical, or the bodies cannot be joined; see `joined_surfaces`.
+    InputFileError
+        If the table of the reflection law cannot be used.
     """
     n_targets = count_of("n_targets", n_targets)
     model = PhotometryModel() if model is None else model

@@ -128,7 +128,8 @@ def states_in_rotating_frame(state: ArrayLike, time: ArrayLike, forces: tuple) -
     Raises
     ------
     ConfigurationError
-        If the force model is another one, which has no rotating frame.
+        If the force model is another one, which has no rotating frame, or a time lies outside of
+        its table.
     """
     states = np.asarray(state, dtype=float)
     if isinstance(forces, CR3BP) or len(states) == 0:
@@ -157,6 +158,11 @@ def is_admissible(
     Returns
     -------
     ndarray of bool, shape (n,)
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model has no rotating frame, or a time lies outside of its table.
     """
     states = states_in_rotating_frame(state, time, forces)
     mu = getattr(forces, "mu", MU)
@@ -271,6 +277,11 @@ def sample_region(
     -------
     RegionSamples
         Without samples if the region is empty.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model has no rotating frame, or a time lies outside of its table.
     """
     ranges, rate = range_grid(region, n_ranges), frame_rate(forces)
     one = np.full(n_ranges, which)

@@ -187,7 +187,13 @@ def tracklet_matches(
 ) -> tuple[Indices, Indices, Array]:
     """Tracklets within the gates of converged fits, whose times lie between `first` and `last`
     (fit,): indices of fits and of tracklets (match,), and the logarithm of the density of direction
-    and rate, rad^-2 and nondimensional time squared."""
+    and rate, rad^-2 and nondimensional time squared.
+
+    Raises
+    ------
+    ConfigurationError
+        If `gate_probability` does not lie between 0 and 1.
+    """
     data = (
         tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis,
         tracklets.covariance,

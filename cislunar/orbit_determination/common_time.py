@@ -82,6 +82,11 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     -------
     ndarray of int, shape (pair, 2)
         In increasing order.
+
+    Raises
+    ------
+    ConfigurationError
+        If `probability` does not lie between 0 and 1.
     """
     if fits.epoch.size < 2:
         return np.empty((0, 2), dtype=np.int64)

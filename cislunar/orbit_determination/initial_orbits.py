@@ -281,6 +281,11 @@ def refit_at(
     -------
     OrbitFits
         Those that have converged and can be propagated; all fits unchanged if none can.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the times of the angles.
     """
     states, rows, times = [], [], []
     epochs = np.broadcast_to(np.asarray(epoch, dtype=float), fits.epoch.shape)

@@ -99,6 +99,11 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
         The least probability over the observers. 0 if there are two observers and the fit to the
         angles of one of them does not converge from the orbit; 1 if there are one or more than
         three observers.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the times of the angles.
     """
     of, parts = [], []
     for k in range(fits.epoch.size):

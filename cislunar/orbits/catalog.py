@@ -126,7 +126,13 @@ CATALOG: dict[str, Family] = _catalog()
 
 
 def family_named(name: str) -> Family:
-    """Family of a name in `CATALOG`, or any other resonance such as "Resonant_5:2"."""
+    """Family of a name in `CATALOG`, or any other resonance such as "Resonant_5:2".
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown.
+    """
     require_kind("family", name, str, "give the name of an orbit family, such as 'Halo_L2_S'")
     resonance = _RESONANT.fullmatch(name)
     if resonance and name not in CATALOG:
@@ -225,6 +231,13 @@ def catalog_branch(
     -------
     list of Point
         Shared between callers: not to be modified.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown.
+    ConvergenceError
+        If the family cannot be followed.
     """
     family_named(name)
     if name.startswith(("Short_L5", "Long_L5")):

@@ -108,7 +108,13 @@ def altitude_km(member: Point, mu: float = MU, above: float = 0.0) -> float:
 
 
 def measure_of(quantity: str, mu: float = MU) -> Measure:
-    """Function of a member by its name: "x", "z", "period", "jacobi", "stability_index", ..."""
+    """Function of a member by its name: "x", "z", "period", "jacobi", "stability_index", ...
+
+    Raises
+    ------
+    ConfigurationError
+        If the quantity is unknown.
+    """
     measures: dict[str, Measure] = {
         "x": lambda member: float(member.half.crossing[X]),
         "z": lambda member: float(member.half.crossing[Z]),

@@ -99,6 +99,11 @@ def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) 
         Space by arc length in (x, z) of the crossing, for families whose x folds; otherwise by x.
     mu : float
         Mass ratio.
+
+    Raises
+    ------
+    ConvergenceError
+        If the correction of a member does not converge.
     """
     fractions = np.linspace(0.0, 1.0, _HERMITE_SAMPLES + 1)
     track = [branch[0].half.crossing]
@@ -180,6 +185,14 @@ def observer_library(
     OrbitSet
         In the order of `FAMILIES` and along each family. All states are perpendicular crossings of
         y = 0.
+
+    Raises
+    ------
+    ConfigurationError
+        If a family is unknown, a number of orbits is less than 1, none is requested, an argument is
+        of another kind, or no orbit of a family clears both bodies.
+    ConvergenceError
+        If a family cannot be followed.
     """
     given = DEFAULT_MEMBERS if members is None else members
     require_kind("members", given, Mapping, "give a number for each family, {'Halo_L2_S': 23}")

@@ -244,7 +244,15 @@ def _given(observer: Observer, days: float) -> OrbitSet:
 
 def orbit_through(family: str, state: Array, period: float, days: float = 0.0) -> OrbitSet:
     """The orbit through a state (6,) with a period, or the trajectory from it (period 0) over some
-    days; both nondimensional, rotating frame."""
+    days; both nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If neither the period nor `days` is positive, or the state is not of 6 finite numbers.
+    ConvergenceError
+        If the trajectory meets the center of a primary.
+    """
     least = [LENGTH_UNIT_KM * each for each in closest_approaches(state, period or days / _DAYS)]
     index = stability_index(state, period) if period else np.nan
     values = period, float(jacobi_constant(state)), index, *least[::-1]

@@ -28,8 +28,27 @@ def monodromy(state: ArrayLike, period: float, mu: float = MU) -> Array:
 
 
 def stability_index(state: ArrayLike, period: float, mu: float = MU) -> float:
-    """Stability index (|eta| + 1/|eta|)/2, where eta is the largest monodromy eigenvalue in
-    modulus: 1 for a linearly stable orbit and larger for an unstable one."""
+    """Stability index (|eta| + 1/|eta|)/2 of the monodromy eigenvalue eta of largest modulus.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State on the orbit, nondimensional, rotating frame.
+    period : float
+        Period, nondimensional.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    float
+        1 for a linearly stable orbit and larger for an unstable one.
+
+    Raises
+    ------
+    ConfigurationError, ConvergenceError
+        If the orbit cannot be propagated; see `cislunar.dynamics.propagation.propagate`.
+    """
     # The unit pair of eigenvalues is defective and splits numerically; the index is even in
     # log|eta|, so that the split enters only squared and no eigenvalue has to be singled out.
     largest = float(np.abs(np.linalg.eigvals(monodromy(state, period, mu))).max())

@@ -82,6 +82,12 @@ def station_keeping_m_s(
     -------
     float
         Velocity change, m/s per year; 0 for a linearly stable orbit.
+
+    Raises
+    ------
+    ConfigurationError
+        If a standard deviation or `least_days` is not positive, `most_days` is less than
+        `least_days`, or the state is not of 6 finite numbers.
     """
     given = {"position_km": position_km, "velocity_m_s": velocity_m_s, "least_days": least_days}
     for name, value in given.items():

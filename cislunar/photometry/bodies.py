@@ -127,7 +127,8 @@ def build_body(
     Raises
     ------
     ConfigurationError
-        If a facet's group has no material, or a material is given for an unknown group.
+        If a facet's group has no material, a material is given for an unknown group, or `steps` is
+        not positive.
     """
     if isinstance(materials, Material):
         materials = dict.fromkeys(mesh.groups, materials)
@@ -161,6 +162,11 @@ def apparent_body_magnitude(
     -------
     ndarray, shape (...)
         Magnitudes of the broadcast geometries; inf where nothing is both lit and seen.
+
+    Raises
+    ------
+    ConfigurationError
+        If an argument is impossible; see `cislunar.photometry.facets.apparent_magnitude`.
     """
     geometry = quaternion, sun_direction, view_direction, range_m
     model = PhotometryModel() if model is None else model

@@ -291,6 +291,12 @@ def apparent_magnitude(
     -------
     ndarray, shape (...)
         Magnitudes of the broadcast geometries; inf where no facet is both lit and seen.
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes disagree, a quaternion or a direction is not of unit norm, a range is not
+        positive, or an argument is of another kind.
     """
     material = Material() if material is None else material
     model = PhotometryModel() if model is None else model

@@ -37,8 +37,11 @@ def load_mesh(path: str | Path, *, meters_per_unit: float = 1.0) -> Mesh:
 
     Raises
     ------
+    ConfigurationError
+        If the length of the unit is not positive.
     InputFileError
-        If the mesh is open, not of triangles, inside out, or has a degenerate facet.
+        If the file cannot be read, or the mesh is open, not of triangles, inside out, or has a
+        degenerate facet.
     """
     if not meters_per_unit > 0.0:
         raise ConfigurationError(f"shape meters_per_unit = {meters_per_unit} must be positive")

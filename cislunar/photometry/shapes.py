@@ -56,7 +56,13 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
 
 
 def scale_to_sphere(facets: Facets, radius_m: float) -> Facets:
-    """The same shape, scaled to the surface area 4 pi R^2 of a sphere of radius `radius_m`, m."""
+    """The same shape, scaled to the surface area 4 pi R^2 of a sphere of radius `radius_m`, m.
+
+    Raises
+    ------
+    ConfigurationError
+        If the radius is not positive.
+    """
     radius_m = number_of("shape radius_m", radius_m, positive=True)
     factor = 4.0 * np.pi * radius_m**2 / facets.total_area
     return Facets(areas=facets.areas * factor, normals=facets.normals)
@@ -74,6 +80,11 @@ def scale_axes(facets: Facets, factors: ArrayLike) -> Facets:
         Shape.
     factors : array_like, shape (3,)
         Positive, one for each body axis.
+
+    Raises
+    ------
+    ConfigurationError
+        If the factors are not three positive numbers.
     """
     given = np.asarray(factors, dtype=float)
     if given.shape != (3,) or not np.all((given > 0.0) & np.isfinite(given)):
@@ -131,6 +142,11 @@ def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
     -------
     Facets
         Vertices of the icosahedron at cyclic permutations of ``(0, +-1, +-golden ratio)``, scaled.
+
+    Raises
+    ------
+    ConfigurationError
+        If `subdivisions` lies outside of 0 to 8, or the radius is not positive.
     """
     if not 0 <= subdivisions <= 8:
         raise ConfigurationError(f"icosphere subdivisions = {subdivisions} must lie in 0..8")
@@ -151,5 +167,10 @@ def icosahedron(radius_m: float = 1.0) -> Facets:
     Returns
     -------
     Facets
+
+    Raises
+    ------
+    ConfigurationError
+        If the radius is not positive.
     """
     return icosphere(0, radius_m)

@@ -126,6 +126,11 @@ def faintness_per_squared_range(
     -------
     float
         K, m^-2.
+
+    Raises
+    ------
+    ConfigurationError
+        If the radius or the coefficient is not positive.
     """
     for name, value in (
         ("target_radius_m", radius_m),
@@ -157,6 +162,11 @@ def returned_light(
     float
         Directional-hemispherical reflectance; above 1 if the specular weight is too large to
         conserve energy.
+
+    Raises
+    ------
+    InputFileError
+        If the table of the reflection law cannot be used.
     """
     model = PhotometryModel() if model is None else model
     if model.law > 0:
@@ -209,6 +219,11 @@ def equal_sphere_coefficient(material: Material, model: PhotometryModel | None =
     -------
     float
         C_d, dimensionless; 0 for a material that returns no light.
+
+    Raises
+    ------
+    InputFileError
+        If the table of the reflection law cannot be used.
     """
     model = PhotometryModel() if model is None else model
     # over a sphere the squared cosine of the incidence is uniform

@@ -83,7 +83,7 @@ def number_of(name: str, given: Any, *, positive: bool = False) -> float:
 
 
 def number_or_range(name: str, given: Any) -> float | tuple[float, ...] | None:
-    """A number, both ends of a range, or None, as given."""
+    """A number, both ends of a range, or None, as given; else raises a `ConfigurationError`."""
     if given is None:
         return None
     if not isinstance(given, tuple | list | np.ndarray) or np.ndim(given) == 0:

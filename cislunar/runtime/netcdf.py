@@ -23,7 +23,8 @@ def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Varia
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """A temporary name for a file that is moved into place once it is complete."""
+    """A temporary name for a file that is moved into place once it is complete. Raises
+    `InputFileError` if it cannot be written, and `ConfigurationError` if `path` is none."""
     try:
         path = Path(path)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.part")

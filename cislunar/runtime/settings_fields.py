@@ -274,7 +274,8 @@ def shortened_interval(hours: float, minutes: float) -> str:
 
 
 def require_multiple(key: str, value: float, unit_s: float, step_s: float) -> None:
-    """Refuse a time, in units of `unit_s`, that is no whole number of steps."""
+    """Raise a `ConfigurationError` for a time, in units of `unit_s`, that is no whole number of
+    steps."""
     if not is_multiple(unit_s * value, step_s):
         raise ConfigurationError(
             f"{key} = {value} must be a multiple of step_s = {step_s} s, from one to "

@@ -121,7 +121,7 @@ def cell_messages(
 
 
 def check_seed(cell: xr.Dataset, seed: int) -> None:
-    """Refuse the index of a realization that a cell does not have."""
+    """Raise a `ConfigurationError` for the index of a realization that a cell does not have."""
     if not isinstance(seed, int) or not 0 <= seed < cell.sizes["seed"]:
         raise ConfigurationError(
             f"seed = {shown(seed)}: the realizations are 0 .. {cell.sizes['seed'] - 1}"

@@ -157,6 +157,11 @@ def reduce_interval(
     Returns
     -------
     Reduced
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the interval.
     """
     nearest = np.maximum(np.rint(observed.elapsed_s / scene.step_s).astype(np.int64), 1)
     rows = np.flatnonzero((nearest > start) & (nearest <= start + n_steps))

@@ -63,8 +63,10 @@ def place_objects(
 
     Raises
     ------
+    ConfigurationError
+        If an observer's orbit cannot be refined and the settings refuse that.
     InputFileError
-        If the ephemeris of an observer does not cover the run.
+        If the ephemeris of an observer does not cover the run, or that of a target the epoch.
     """
     tracks = np.array([_track(each, settings, loop, epoch, ephemeris) for each in observers])
     rows = [_initial(each, epoch, ephemeris) for each in targets]

@@ -203,6 +203,11 @@ class StudyResult:
             In order of time: ``obsTime`` (UTC), ``stn`` (observer) with its position, ``artSat``
             (target), ``ra`` and ``dec`` (ICRF, deg), ``mag``, and their standard deviations; see
             `cislunar.exchange.observations`. Directions are geometric, without light time.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such realization.
         """
         check_seed(self.cell, seed)
         return cell_observations(self.cell, self.sun, seed=seed)
@@ -221,6 +226,11 @@ class StudyResult:
         Returns
         -------
         matplotlib.figure.Figure
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such figure or target.
         """
         if kind not in self.plots:
             raise ConfigurationError(
@@ -273,6 +283,13 @@ class StudyResult:
         -------
         str
             The message.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such realization, or `which` is unknown.
+        InputFileError
+            If the file cannot be written.
         """
         return self._write(".oem", path, which, seed=seed, created=created)
 
@@ -310,6 +327,13 @@ class StudyResult:
         -------
         str
             HTML; see `cislunar.figures.replay`.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such realization.
+        InputFileError
+            If the file cannot be written.
         """
         return self._write(".html", path, seed=seed)
 

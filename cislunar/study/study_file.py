@@ -85,6 +85,11 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     -------
     list of Path
         The files.
+
+    Raises
+    ------
+    InputFileError
+        If a file cannot be written.
     """
     names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv", "observations.tdm")
     paths = [Path(folder, name) for name in (*names, "ephemeris/sun.nc")]

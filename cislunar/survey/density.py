@@ -54,6 +54,11 @@ class ObjectDensity:
     state, size_m2 : ndarray
     weight : ndarray, shape (particle,)
         Expected number of undetected objects that a particle represents.
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes disagree, a value is not finite, or a size or the expected number is not positive.
     """
 
     def __init__(
@@ -131,6 +136,11 @@ class ObjectDensity:
         visits : int
             Exposures in which an object has been looked at, each of which may have a detection of
             it.
+
+        Raises
+        ------
+        ConfigurationError
+            If the probabilities have another shape, or one is not between 0 and 1.
         """
         which = np.asarray(particles, dtype=np.int64)
         chance = array_of("probability", probability, (len(self.weight),))
@@ -147,6 +157,11 @@ class ObjectDensity:
         ----------
         probability : array_like, shape (particle,)
             Probability that the exposure would have detected an object there, from 0 to 1.
+
+        Raises
+        ------
+        ConfigurationError
+            If the probabilities have another shape, or one is not between 0 and 1.
         """
         value = array_of("probability", probability, (len(self.weight),))
         if np.any((value < 0.0) | (value > 1.0)):

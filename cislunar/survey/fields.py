@@ -47,6 +47,11 @@ class FieldGrid:
         Right ascension and declination, rad.
     direction : ndarray, shape (field, 3)
         Unit vectors of the centers.
+
+    Raises
+    ------
+    ConfigurationError
+        If the field of view is not between 0 and 60 deg.
     """
 
     def __init__(self, field_of_view_deg: float) -> None:

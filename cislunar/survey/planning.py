@@ -102,7 +102,8 @@ class SearchPlanner:
     Raises
     ------
     ConfigurationError
-        If a block has too few steps for one field.
+        If a block is no whole number of steps or has too few of them for one field, or a field of
+        view is not below 60 deg.
     """
 
     def __init__(

@@ -82,7 +82,8 @@ def search_tables(
     Raises
     ------
     ConfigurationError
-        If no particle stays in the region, or the times of the days differ.
+        If no particle stays in the region, the times of the days differ, or another argument is
+        impossible; see `cislunar.architecture.coverage.coverage_tables`.
     """
     states = array_of("state", state, ("particle", 6))
     when = array_of("times", times, ("time",))

@@ -58,7 +58,8 @@ class TrueObjects:
     Raises
     ------
     ConfigurationError
-        If `appears_hours` has another shape or is not finite.
+        If `appears_hours` or the errors of the observers have another shape or are not finite, or
+        the force model of `truth` does not cover the scene.
     """
 
     def __init__(

@@ -100,6 +100,14 @@ def cluster(
     -------
     Clusters
         Independent of the machine.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no points, one is not finite, the number of clusters is not between 1 and that
+        of the distinct points, or the seeding is unknown.
+    ConvergenceError
+        If clusters stay empty.
     """
     from threadpoolctl import threadpool_limits
 
@@ -137,6 +145,11 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64
         Multiplicity, as float.
     inverse : ndarray of int, shape (point,)
         Row of `points` of each given point.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no points, or one is not finite.
     """
     p = np.asarray(position, dtype=float)
     if p.ndim != 2 or not len(p) or not np.all(np.isfinite(p)):

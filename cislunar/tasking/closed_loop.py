@@ -145,6 +145,11 @@ class ClosedLoop:
         Seeds of the realizations, and the index of each in the pieces.
     state : State
         Progress of the run.
+
+    Raises
+    ------
+    ConfigurationError
+        If an argument is impossible; see `run_closed_loop`.
     """
 
     def __init__(
@@ -340,8 +345,9 @@ def run_closed_loop(
     Raises
     ------
     ConfigurationError
-        If scene, targets and settings disagree, there are no seeds, a position or state is not
-        finite, or a state is evidently in km. The message names the first such target or observer.
+        If an argument is of another kind, the estimator is unknown, scene, targets and settings
+        disagree, there are no seeds, a position or state is not finite, or a state is evidently in
+        km. The message names the first such target or observer.
     """
     require_kind("progress", progress, Callable | None, "give a function, or omit it")
     loop = ClosedLoop(

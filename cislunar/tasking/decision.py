@@ -94,6 +94,11 @@ def decide(
         Last target of each observer, or `IDLE` before the first.
     rng : numpy.random.Generator
         For methods that search.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``settings.tasking.states`` is "full" and the estimator has no joint Gaussian estimate.
     """
     if settings.schedule.plain:
         return _assigned(prediction, n_steps, scene, surfaces, settings, forces, detection, rng)

@@ -86,6 +86,12 @@ def tracking_problem(
     Returns
     -------
     TrackingProblem
+
+    Raises
+    ------
+    ConfigurationError
+        If a number is less than 1, the model is of another kind, or a setting is unknown or
+        impossible.
     """
     n_observers, n_targets = count_of("n_observers", n_observers), count_of("n_targets", n_targets)
     for key in settings:

@@ -39,6 +39,11 @@ def monitored_targets(n_available: int, n_targets: int, seed: int) -> NDArray[np
     -------
     ndarray of int, shape (n_targets,)
         Indices into the available targets. Smaller sets are the first entries of larger ones.
+
+    Raises
+    ------
+    ConfigurationError
+        If the number to choose is not between 1 and the number to choose from.
     """
     if not 1 <= n_targets <= n_available:
         raise ConfigurationError(f"n_T = {n_targets} must lie between 1 and {n_available}")
@@ -63,6 +68,13 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU)
     -------
     ndarray, shape (target, 6)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If a state is not of 6 finite numbers or is evidently in km.
+    ConvergenceError
+        If an orbit meets the center of a primary.
     """
     states, periods = np.asarray(state, dtype=float), np.asarray(period, dtype=float)
     fractions = [stream(_PHASE, seed, j).random() for j in range(periods.size)]

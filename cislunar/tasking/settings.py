@@ -72,6 +72,11 @@ class LoopSettings:
         neither.
     record : tuple of str
         Further kept quantities, of `RECORDABLE`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is unknown, of another kind or impossible, or settings exclude each other.
     """
 
     step_s: float = 60.0

@@ -188,6 +188,12 @@ class TrueMotion:
         As given.
     velocity_changes_m_s : ndarray, shape (maneuver, 3)
         Changes of velocity by the maneuvers up to the last time so far, propagation frame, m/s.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the scene, an inertia is not physical, or `torque` is
+        given without `surfaces`.
     """
 
     def __init__(
@@ -354,7 +360,7 @@ def draw_truth(
     **model: Any,
 ) -> Truth:
     """Sample the true states from the initial distribution and propagate them to all times of the
-    scene; see `TrueMotion` for the arguments."""
+    scene; see `TrueMotion` for the arguments and errors."""
     motion = TrueMotion(initial, scene, noise, seed, target_ids, **model)
     return motion.advance(scene.sun_position.shape[0] - 1)
 

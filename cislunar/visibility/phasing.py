@@ -27,6 +27,11 @@ def distinct_phases(max_satellites: int) -> tuple[NDArray[np.float64], list[NDAr
     members : list of ndarray
         ``members[n - 1]`` indexes the phases of n satellites at 0, T/n, ..., (n - 1) T/n
         (Paul & Fan, section 3).
+
+    Raises
+    ------
+    ConfigurationError
+        If `max_satellites` is less than 1.
     """
     if max_satellites < 1:
         raise ConfigurationError(f"max_satellites = {max_satellites} must be at least 1")

@@ -42,6 +42,14 @@ def satellite_tracks(
     -------
     ndarray, shape (orbit, phase, time, 3)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If a period is negative, the propagator is unknown, or a state is not of 6 finite numbers or
+        is evidently in km.
+    ConvergenceError
+        If a satellite meets the center of a primary.
     """
     times = np.asarray(times, dtype=float)
     phase = np.asarray(phase, dtype=float)
@@ -81,6 +89,11 @@ def architecture_tracks(
     -------
     ndarray, shape (satellite, time, 3)
         Nondimensional, rotating frame; slot by slot.
+
+    Raises
+    ------
+    ConfigurationError, ConvergenceError
+        If an argument is impossible, or a satellite meets a primary; see `satellite_tracks`.
     """
     satellites = np.asarray(satellites)
     ahead = np.broadcast_to(np.asarray(phase, dtype=float), satellites.shape)

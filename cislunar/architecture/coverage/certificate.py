@@ -42,6 +42,11 @@ def greedy_coverage(
     Returns
     -------
     orbit, satellites : ndarray of int64, shape (slot,)
+
+    Raises
+    ------
+    ConfigurationError
+        If the number of satellites or of orbit slots is impossible.
     """
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots)
@@ -87,6 +92,11 @@ def certify_coverage(
         phases.
     steps : int
         Largest number of subgradient steps of each bound.
+
+    Raises
+    ------
+    ConfigurationError
+        If the number of satellites, of orbit slots or of steps is impossible.
     """
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots, steps)

@@ -104,6 +104,11 @@ class GapObjective(CoverageObjective):
         Single coverage of samples: ``fold=1``, ``window="sample"``.
     measure : str
         One of `GAP_MEASURES`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the measure is unknown, or the tables are not of single coverage.
     """
 
     def __init__(self, tables: CoverageTables, measure: str) -> None:
@@ -157,8 +162,8 @@ def certify_gaps(
 ) -> ObjectiveCertificate:
     """Search for the architecture of the shortest gaps, from the greedy choice of largest coverage.
     The bound is the value of all candidates together. `restarts` is the number of further random
-    starts of the search, with `rng` as their source; for the other arguments see
-    `cislunar.architecture.coverage.certificate.certify_coverage`."""
+    starts of the search, with `rng` as their source; for the other arguments, and
+    the errors, see `cislunar.architecture.coverage.certificate.certify_coverage`."""
     return certified_search(
         objective,
         lambda: greedy_coverage(objective, n_satellites, n_slots=n_slots),

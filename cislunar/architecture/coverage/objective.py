@@ -40,6 +40,11 @@ class CoverageObjective(Objective):
     ----------
     tables : CoverageTables
         Elements seen from every orbit slot with every satellite count.
+
+    Raises
+    ------
+    ConfigurationError
+        If `tables` are no `CoverageTables`.
     """
 
     def __init__(self, tables: CoverageTables) -> None:

@@ -140,6 +140,12 @@ def coverage_tables(
         Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
+
+    Raises
+    ------
+    ConfigurationError
+        If a count is less than 1, the window or the propagator is unknown, no orbit has a stability
+        index within the limit, or moving targets are not given at all times.
     """
     if phases is not None and phases < 1:
         raise ConfigurationError(f"phases = {phases} must be at least 1")

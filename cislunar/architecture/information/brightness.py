@@ -48,6 +48,11 @@ def squared_detection_ranges(
     ndarray, shape (target, angle, attitude)
         Squared nondimensional units of length, at `_PHASE_ANGLES` angles, evenly from 0 to 180
         degrees, ascending along the attitudes; 0 where nothing is both lit and seen.
+
+    Raises
+    ------
+    ConfigurationError
+        If the attitudes have another shape, or there is none.
     """
     attitudes = np.asarray(quaternion, dtype=float)
     if attitudes.ndim != 2 or attitudes.shape[0] < 1 or attitudes.shape[1] != 4:

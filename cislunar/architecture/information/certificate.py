@@ -53,6 +53,11 @@ def certify_information(
     halvings : int
         Number of further sets, the first N/2, N/4 ... of the greedy choices, over which the bound
         is also linear, see `cislunar.architecture.information.relaxation`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the number of satellites or of steps is impossible.
     """
     check_size(objective, n_satellites, n_satellites, steps)
 

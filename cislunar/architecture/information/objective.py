@@ -39,6 +39,11 @@ class InformationObjective(Objective):
     ----------
     tables : InformationTables
         Information about every item from every orbit slot.
+
+    Raises
+    ------
+    ConfigurationError
+        If `tables` are no `InformationTables`.
     """
 
     def __init__(self, tables: InformationTables) -> None:

@@ -49,6 +49,11 @@ class ObservationSettings:
         Observations of an observer per hour, shared evenly among the targets that it sees.
     initial : InitialSigma
         Standard deviations at the start of a window.
+
+    Raises
+    ------
+    ConfigurationError
+        If `per_hour` is not positive and finite.
     """
 
     sensor: Sensor = field(default_factory=Sensor)
@@ -95,6 +100,11 @@ def windows_of(
         Length of each window, h.
     step_hours : float
         Step between samples, h; it divides `hours`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no window, a window is not within the horizon, or the step does not divide it.
     """
     if count < 1:
         raise ConfigurationError(f"windows = {count} must be at least 1")
@@ -161,6 +171,13 @@ def moving_targets(
         Windows and sample times.
     mu : float
         Mass ratio.
+
+    Raises
+    ------
+    ConfigurationError
+        If a state is not of 6 finite numbers.
+    ConvergenceError
+        If a target meets the center of a primary.
     """
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))
@@ -242,6 +259,11 @@ def orbit_information(
         Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
+
+    Raises
+    ------
+    ConfigurationError
+        If the propagator is unknown.
     """
     view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
     motion = np.ascontiguousarray(targets.motion * observations.initial.components()[6:])
@@ -292,6 +314,11 @@ def attitude_information(
         Source of the attitudes.
     attitudes : int
         Number of attitudes per target and window.
+
+    Raises
+    ------
+    ConfigurationError
+        If `attitudes` is less than 1, or the propagator is unknown.
     """
     if attitudes < 1:
         raise ConfigurationError(f"attitudes = {attitudes} must be at least 1")

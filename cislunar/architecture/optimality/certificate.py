@@ -111,6 +111,12 @@ def certify(
         depend on the speed of the machine.
     progress : callable, optional
         Called with (done, total) in thousandths of the tree of each level.
+
+    Raises
+    ------
+    ConfigurationError
+        If `epsilon` or `threads` is out of range, or another argument is impossible; see
+        `cislunar.coordinate_search`.
     """
     if not 0.0 <= epsilon < 1.0:
         raise ConfigurationError(f"epsilon = {epsilon}: must lie in [0, 1)")

@@ -45,6 +45,11 @@ def certify_total(
         Random starts of the search, besides the first.
     rng : numpy.random.Generator, optional
         Source of the starts.
+
+    Raises
+    ------
+    ConfigurationError
+        If the number of satellites, of orbits, of nodes or of restarts is impossible.
     """
     check_size(objective, n_satellites, n_slots, nodes)
     rng = np.random.default_rng(0) if rng is None else rng

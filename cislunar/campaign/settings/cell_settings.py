@@ -18,7 +18,13 @@ RECOMMENDED = {"detection": "learned", "slot_minutes": 20, "expected_measurement
 
 def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]:
     """The settings of a cell of checked `task2`, as jobs get them and results keep them, with those
-    of a variant; keys that are omitted while they have their defaults are left out."""
+    of a variant; keys that are omitted while they have their defaults are left out.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such variant.
+    """
     found = {key: task2[key] for key in CellSettings.model_fields}
     if variant:
         variants = task2["variants"]["cells"]

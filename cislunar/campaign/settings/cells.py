@@ -182,7 +182,13 @@ def most_alike(task2: Mapping[str, Any]) -> int:
 
 def check_cell(cell: Cell, settings: CellSettings, available: int = TRACKED_TARGETS) -> None:
     """Refuse more targets than are available, an interval that is no multiple of the step, and
-    process noise that the estimator cannot represent."""
+    process noise that the estimator cannot represent.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell asks for one of these.
+    """
     targets, interval_minutes = cell.targets, cell.interval_minutes
     if not 1 <= targets <= available:
         raise ConfigurationError(

@@ -311,6 +311,11 @@ def check_request(
 
     `outputs` are the file names of the rules, with wildcards in braces, `known` the values of the
     wildcards in this configuration; `made` is whether a rule makes the file.
+
+    Raises
+    ------
+    ConfigurationError
+        If no rule makes the file; the message says what to correct.
     """
     wrong = []
     for output in outputs:

@@ -169,6 +169,8 @@ def require_consistent(
     ------
     ConfigurationError
         If two settings exclude each other; the message names the keys.
+    InputFileError
+        If the text of the materials cannot be used.
     """
     step, hours = settings.step_s, settings.duration_hours
 

@@ -97,6 +97,11 @@ def survey_realization(
     Returns
     -------
     SurveyResult
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If a setting is impossible, a data set is missing, or the table of the prior cannot be used.
     """
     own = dict(settings) | {
         "duration_hours": 24.0 * survey.duration_days,

@@ -280,7 +280,13 @@ def _observer_errors(
 
 
 def cell_ephemeris(bodies: xr.Dataset | None, settings: CellSettings) -> CellEphemeris:
-    """Ephemeris and times of a cell."""
+    """Ephemeris and times of a cell.
+
+    Raises
+    ------
+    ConfigurationError
+        If `bodies` is None.
+    """
     if bodies is None:
         raise ConfigurationError(
             "'task2.dynamics.truth' = 'ephemeris' and 'task2.stations' need ephemeris/bodies.nc: "

@@ -216,6 +216,12 @@ def cell_arcs(
     list of Segment
         Named by `target_name` of the cell: the id in the user's table, or orbit class and row. The
         arc of a failed estimate ends where it failed; without two states it is left out.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If the cell lacks the record, the center is unknown, or the kernel of ephemeris dynamics is
+        missing or does not cover the run.
     """
     states = _recorded(cell, "translation", which)[seed]
     covariances = None
@@ -311,6 +317,11 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
         from the observer to the target at the same time, without light time and aberration.
         Positions of the observers have ICRF axes, km from the center of the Earth. Observers are
         named by `observer_names`, targets (``artSat``) as in `cell_arcs`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell lacks the record.
     """
     require_records(cell, ["measurements"])
     names = ("seed", "step", "target", "observer", "magnitude", "magnitude_variance")

@@ -69,7 +69,14 @@ def filter_constants(
     kinds: tuple[NDArray[np.int64], NDArray[np.int64]] = _NO_KINDS,
 ) -> FilterConstants:
     """Constants of a filter of the last n of the twelve states of the motion, and of deviations of
-    the `kinds` of rotation and surface, which are constant."""
+    the `kinds` of rotation and surface, which are constant.
+
+    Raises
+    ------
+    ConfigurationError
+        If the added noise or the memory is out of range, or `sensor` is neither one sensor nor one
+        for each observer.
+    """
     if not 0.0 <= extra_magnitude_noise < np.inf:
         raise ConfigurationError(
             f"extra_magnitude_noise = {extra_magnitude_noise} mag must be finite and at least 0"
@@ -101,7 +108,13 @@ def with_new_tracks(
     constants: FilterConstants, forces: tuple | None, n_tracks: int, n_new: int
 ) -> tuple[FilterConstants, FilterConstants]:
     """Constants of a filter to which tracks are added, and of a filter of the new tracks alone. The
-    force model is `forces`, if given."""
+    force model is `forces`, if given.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model has values for another number of targets.
+    """
     common = constants.forces if forces is None else forces
     require_targets(common, n_tracks + n_new)
     own = of_targets(common, np.arange(n_tracks, n_tracks + n_new))

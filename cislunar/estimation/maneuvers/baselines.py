@@ -37,6 +37,11 @@ def cusum(
     ndarray, shape (row,)
         After each observation, ``max(0, previous + NIS (1 - 1 / inflation) / 2 - size ln(inflation)
         / 2)``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value is not finite, or the inflation is not larger than 1.
     """
     given = array_of("squared", squared, ("row",))
     factor = number_of("inflation", inflation, positive=True)
@@ -62,6 +67,11 @@ def control_gramian(transitions: ArrayLike, step: float) -> Array:
     -------
     ndarray, shape (6, 6)
         Integral of ``Phi B B^T Phi^T`` with B = (0, I).
+
+    Raises
+    ------
+    ConfigurationError
+        If the matrices have another shape, or a value is not finite.
     """
     each = array_of("transitions", transitions, ("time", 6, 6))[:, :, 3:]
     weight = np.full(each.shape[0], step)

@@ -27,6 +27,11 @@ def monitored(
         Without a rate of false alarms, `factory` is returned.
     process_noise : ProcessNoise, optional
         That of the estimators of `factory`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rate of false alarms is not less than both 1 and the number of independent tests.
     """
     rate = settings.false_alarms_per_target_day
     if rate is None:

@@ -289,6 +289,11 @@ def planned_information(
         Derivatives of the innovations by the impulse, whitened: the noise has unit covariance, and
         the sum of ``w.T @ w`` over rows is the information on the impulse; (m/s)^-1. Zero where the
         observation is before the impulse.
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes disagree, a value is not finite, or the spacing is shorter than a step.
     """
     states = array_of("state", state, ("target", SIZE))
     spread = array_of("covariance", covariance, (states.shape[0], SIZE, SIZE))

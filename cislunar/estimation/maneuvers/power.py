@@ -29,6 +29,11 @@ def impulse_bound(whitened: ArrayLike) -> Array:
     -------
     ndarray, shape (hypothesis, 3, 3)
         m^2/s^2; infinite where the observations do not determine the impulse.
+
+    Raises
+    ------
+    ConfigurationError
+        If the derivatives have another shape, or one is not finite.
     """
     rows = array_of("whitened", whitened, ("row", "hypothesis", 2, 3))
     information = np.einsum("nhai,nhaj->hij", rows, rows)
@@ -64,6 +69,11 @@ def planned_bound(
     -------
     ndarray, shape (target, hypothesis, span, 3, 3)
         m^2/s^2; infinite where the observations do not determine the impulse.
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes disagree, or a value is not finite.
     """
     times_s = array_of("planned times", planned[0], ("hypothesis",))
     shape = schedule.observer.size, times_s.size, 2, 3
@@ -99,6 +109,11 @@ def detection_probability(
     ndarray, shape (...)
         The largest statistic of several times and observations exceeds the threshold at least as
         often.
+
+    Raises
+    ------
+    ConfigurationError
+        If the threshold is not positive.
     """
     level = number_of("threshold", threshold, positive=True)
     given = np.asarray(impulse_m_s, dtype=float)
@@ -122,6 +137,12 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
     -------
     ndarray, shape (..., 2)
         m/s; infinite where the bound is.
+
+    Raises
+    ------
+    ConfigurationError
+        If the threshold is not positive, the probability is not between that of a false alarm and
+        1, or the covariances have another shape.
     """
     level = number_of("threshold", threshold, positive=True)
     wanted = number_of("probability", probability, positive=True)

@@ -41,6 +41,12 @@ def false_alarm_threshold(
     -------
     float
         h with ``independent_tests * P(chi-squared > h)`` equal to the rate.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rate or the number of tests is not positive, or the rate is not less than both 1 and
+        the number of tests.
     """
     rate = number_of("false_alarms_per_target_day", false_alarms_per_target_day, positive=True)
     tests = number_of("independent_tests", independent_tests, positive=True)
@@ -66,6 +72,11 @@ def whitened_tests(whitened: ArrayLike) -> Array:
     ndarray, shape (test, 3, row * 2)
         B with orthonormal rows; the statistic is ``|B w|^2``. Tests of hypotheses whose impulse is
         not determined are left out.
+
+    Raises
+    ------
+    ConfigurationError
+        If the derivatives have another shape, or one is not finite.
     """
     given = array_of("whitened", whitened, ("row", "hypothesis", 2, 3))
     n_rows, n_hypotheses = given.shape[:2]
@@ -107,6 +118,12 @@ def exceedance_probability(
     -------
     probability, standard_error : float
         For a small threshold the estimate may be larger than 1 by its error.
+
+    Raises
+    ------
+    ConfigurationError
+        If the maps have another shape, a value is not finite, the threshold is not positive, or
+        there are fewer than two samples.
     """
     maps = array_of("tests", tests, ("test", 3, "innovation"))
     level = number_of("threshold", threshold, positive=True)
@@ -135,6 +152,12 @@ def threshold_of_schedule(tests: ArrayLike, probability: float, *, samples: int 
         Between 0 and 1.
     samples : int
         Number of random samples.
+
+    Raises
+    ------
+    ConfigurationError
+        If the maps have another shape, a value is not finite, the probability is not between 0 and
+        1, or there are fewer than two samples.
     """
     maps = array_of("tests", tests, ("test", 3, "innovation"))
     upper = false_alarm_threshold(probability, max(1.0, float(maps.shape[0])))

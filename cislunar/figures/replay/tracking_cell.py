@@ -62,6 +62,11 @@ def cell_replay(
         At the recorded times, or at every second, third and so on of them. An observer points at
         the estimated position of its target, or in the direction of its field in a survey. The
         axes of ephemeris dynamics are those of the instantaneous rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell lacks a record.
     """
     require_records(cell, RECORD)
     own = cell.isel(seed=seed)

@@ -56,6 +56,13 @@ def reference_states(
     ndarray, shape (m, 6)
         Barycentric frame, J2000 axes, nondimensional. Time along the orbit elapses in the units of
         the pulsating frame; low lunar orbits use the lunar frame (`cislunar.dynamics.frames`).
+
+    Raises
+    ------
+    ConfigurationError
+        If the table does not cover the times.
+    ConvergenceError
+        If the trajectory meets the center of a primary.
     """
     times = np.asarray(time, dtype=float)
     rigid = bool(is_low_lunar(state))

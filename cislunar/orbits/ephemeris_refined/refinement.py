@@ -362,6 +362,11 @@ def path_states(forces: EphemerisForces, path: RefinedPath, time: ArrayLike) -> 
     -------
     ndarray, shape (m, 6)
         Barycentric frame, J2000 axes, nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the times.
     """
     times = np.asarray(time, dtype=float)
     arc = np.clip(np.searchsorted(path.time, times, side="right") - 1, 0, len(path.time) - 2)

@@ -168,6 +168,11 @@ def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
     -------
     Shadows
         Without columns, and of one row, if no facet can shadow another.
+
+    Raises
+    ------
+    ConfigurationError
+        If `steps` is not positive.
     """
     if not steps > 0:
         raise ConfigurationError(f"shadow table steps = {steps} must be positive")

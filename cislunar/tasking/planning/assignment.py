@@ -201,6 +201,12 @@ def assign(
         tasking.
     early_stop : int
         Number of taskings without progress after which a search ends.
+
+    Raises
+    ------
+    ConfigurationError
+        If the information is no matrix of finite numbers, the method is unknown, or a method that
+        searches has no `rng` or a number of taskings below 1.
     """
     matrix = np.asarray(information, dtype=float)
     if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):

@@ -141,6 +141,12 @@ def facet_margins(
     -------
     ndarray, shape (slot, observer, target, sample)
         mag, at the same number of equally weighted times and attitudes in each slot.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the interval, or `sensor` is neither one sensor nor one
+        for each observer.
     """
     lengths = np.diff(np.append(starts, stop))
     count = max(1, int(np.ceil(lengths.max() * scene.step_s / _SAMPLE_S - 1e-9)))

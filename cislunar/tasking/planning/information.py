@@ -66,6 +66,12 @@ class TaskingModel:
     detection : DetectionModel or None
         Model of the learned probability of detection, for which the sphere's magnitude is only the
         expectation; None: the sphere decides, as in the paper.
+
+    Raises
+    ------
+    ConfigurationError
+        If `states` is unknown, `measurements` is less than 1, or the radius or the coefficient is
+        not positive.
     """
 
     diffuse_reflection_coefficient: float = 0.5

@@ -108,6 +108,11 @@ def expected_update(
     -------
     Prediction
         With smaller covariances of the translation, and without a joint root.
+
+    Raises
+    ------
+    ConfigurationError
+        If `sensor` is neither one sensor nor one for each observer.
     """
     order = np.lexsort((observations.observer, -observations.index))
     in_order = PlannedObservations(*(column[order] for column in observations))

@@ -208,6 +208,11 @@ def plan_schedule(
         Number of first slots whose `information` is computed; all, if omitted.
     half_field : ndarray, shape (observer,), optional
         Half the fields of view, rad, if all targets in a field count, for groups of one observer.
+
+    Raises
+    ------
+    CislunarError
+        If the solver finds no packing of groups of observers.
     """
     factor = observations.factor
     n_slots, n_observers, _ = observations.margin.shape
