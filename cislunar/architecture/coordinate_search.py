@@ -278,8 +278,15 @@ def satellite_front(
     -------
     list of MultiStartResult
         One per total, in order.
+
+    Raises
+    ------
+    ConfigurationError
+        If a total does not fit into the slots, or as for `coordinate_search`.
     """
     totals = list(totals)
+    for total in totals:
+        _check(objective, n_slots, total)
     results: list[MultiStartResult] = []
     for done, total in enumerate(totals):
         starts = [_resized(objective, results[-1], total)] if results else []

@@ -351,15 +351,11 @@ def pair_starts(
     n, capacity = ranges.size, 2 * len(pairs) + 64
     few = (n + _COARSE - 1) // _COARSE
     scratch = (
-        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 5)),
-        tuple(np.empty(n) for _ in range(6)), np.empty((6, 3)), np.empty((3, 3)),
-        np.empty((9, few)), np.empty((7, few)), np.empty(few),
+        *np.empty((3, n, 3)), np.zeros((n, 5)), tuple(np.empty((6, n))), np.empty((6, 3)),
+        np.empty((3, 3)), np.empty((9, few)), np.empty((7, few)), np.empty(few),
     )  # fmt: skip
     while True:
-        out = (
-            np.empty(capacity, dtype=np.int64), np.empty(capacity, dtype=np.int64),
-            np.empty(capacity), np.empty(capacity), np.empty(capacity),
-        )  # fmt: skip
+        out = *np.empty((2, capacity), dtype=np.int64), *np.empty((3, capacity))
         count = _scan(forces, rate, data, pairs, ranges, units, region.radius, scratch, out)
         if count >= 0:
             break
@@ -377,12 +373,7 @@ def _smallest_of_each(group: Indices, cost: Array, most: int) -> Indices:
     return np.sort(order[rank < most])
 
 
-def pairs_within(
-    tracklets: Attributables,
-    hours: float,
-    least_hours: float,
-    end: int,
-) -> Indices:
+def pairs_within(tracklets: Attributables, hours: float, least_hours: float, end: int) -> Indices:
     """Pairs (pair, 2) of tracklets whose times differ by `least_hours` to `hours`, the earlier one
     first and before index `end`; without pairs that share a detection."""
     unit = 3600.0 / TIME_UNIT_S

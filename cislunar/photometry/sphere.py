@@ -133,7 +133,7 @@ def faintness_per_squared_range(
         If the radius or the coefficient is not positive.
     """
     for name, value in (
-        ("target_radius_m", radius_m),
+        ("radius_m", radius_m),
         ("diffuse_reflection_coefficient", diffuse_reflection_coefficient),
     ):
         if not value > 0.0:

@@ -107,15 +107,15 @@ def windows_of(
         If there is no window, a window is not within the horizon, or the step does not divide it.
     """
     if count < 1:
-        raise ConfigurationError(f"windows = {count} must be at least 1")
+        raise ConfigurationError(f"count = {count} must be at least 1")
     if not 0.0 < hours <= 24.0 * horizon_days:
         raise ConfigurationError(
-            f"window_hours = {hours} must be positive and within the horizon of {horizon_days} days"
+            f"hours = {hours} must be positive and within the horizon of {horizon_days} days"
         )
     samples = hours / step_hours if step_hours > 0.0 else 0.0
     if round(samples) < 1 or abs(samples - round(samples)) > 1e-9:
         raise ConfigurationError(
-            f"step_hours = {step_hours} must divide window_hours = {hours} into whole steps"
+            f"step_hours = {step_hours} must divide hours = {hours} into whole steps"
         )
     start = np.linspace(0.0, 24.0 * horizon_days - hours, count) * HOUR
     middle = (np.arange(round(samples)) + 0.5) * step_hours * HOUR

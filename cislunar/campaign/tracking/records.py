@@ -23,6 +23,7 @@ from cislunar.exchange import AttitudeSegment, Epoch, Segment, arc, icrf_axes, i
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.observation.scene import Scene
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import count_of
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
@@ -189,6 +190,11 @@ def _recorded(cell: xr.Dataset, name: str, which: str) -> Array:
     return cell[f"{which}_{name}"].values
 
 
+def _of_realization(values: Array, seed: int) -> Array:
+    """Values (realization, ...) of one realization."""
+    return values[count_of("seed", seed, 0, len(values) - 1)]
+
+
 def cell_arcs(
     cell: xr.Dataset,
     sun: xr.Dataset,
@@ -223,7 +229,7 @@ def cell_arcs(
         If the cell lacks the record, the center is unknown, or the kernel of ephemeris dynamics is
         missing or does not cover the run.
     """
-    states = _recorded(cell, "translation", which)[seed]
+    states = _of_realization(_recorded(cell, "translation", which), seed)
     covariances = None
     if which == "estimated" and "covariance" in cell:
         covariances = cell["covariance"].values[seed]
@@ -285,7 +291,7 @@ def cell_attitudes(
 
     For the arguments, names and errors see `cell_arcs`.
     """
-    quaternions = _recorded(cell, "quaternion", which)[seed]
+    quaternions = _of_realization(_recorded(cell, "quaternion", which), seed)
     rates = np.rad2deg(_recorded(cell, "angular_velocity", which)[seed])
     frame, times = frame_of(cell, sun), cell["time"].values
     # the attitude matrix is the transpose of the matrix of SciPy's rotation
