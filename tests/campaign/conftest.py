@@ -29,7 +29,7 @@ def _orbits(rows, dim):
     )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def sources():
     elapsed = np.arange(0.0, 86_401.0, 600.0)
     angle = -elapsed / TIME_UNIT_S + 3.0

@@ -10,17 +10,17 @@ from cislunar.exchange.inertial import epoch_at, inertial_covariances, inertial_
 from cislunar.exchange.oem import Segment
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def epoch():
     return epoch_at(EPOCH_JD)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def path_of_halo():
     return propagate(HALO, ELAPSED / TIME_UNIT_S, method="dop853")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def segment(epoch, path_of_halo):
     factor = np.random.default_rng(1).normal(size=(2, 6, 6)) * 1e-4
     covariance = inertial_covariances(factor @ np.swapaxes(factor, 1, 2), ELAPSED[:2], epoch)
