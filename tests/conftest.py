@@ -19,6 +19,9 @@ from cislunar.runtime.kernels import compile_kernels, drop_stale_kernels
 
 STALE = pytest.StashKey[list[str]]()
 FINISHED = "finished"
+TOGETHER = ("benchmark",)
+"""Folders whose modules share results that take long, so that one worker runs them."""
+
 USING_ESTIMATORS = re.compile(
     r"closed_loop|cell_dataset|light_curve|estimation\.(kalman|registry|unscented)"
 )
@@ -102,10 +105,13 @@ def users_of_the_campaign(path):
 
 
 def group_of(nodeid):
-    """The group of a test, which one worker runs: those that need the campaign, else its module."""
+    """The group of a test, which one worker runs: those that need the campaign, else its module, or
+    its folder if the modules of the folder share results."""
     module, _, name = nodeid.partition("::")
-    used = users_of_the_campaign(ROOT / module)
-    return FINISHED if name.partition("[")[0] in used else Path(module).name
+    if name.partition("[")[0] in users_of_the_campaign(ROOT / module):
+        return FINISHED
+    path = Path(module)
+    return path.parent.name if path.parent.name in TOGETHER else path.name
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,9 +1,22 @@
 """Detection of maneuvers against plain Kalman filters, least squares and simulation."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
+from plain_kalman import (
+    N_STEPS,
+    OBSERVERS,
+    PRIOR,
+    SIGMA,
+    SPACING,
+    advanced,
+    angles,
+    empty_test,
+    filtered,
+    monitored,
+    observed_steps,
+    schedule_of,
+    transitions,
+)
 from scipy.optimize import least_squares
 from scipy.stats import chi2, kstest
 
@@ -11,13 +24,9 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, propagate_with_impulses
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import Estimates, OrbitEstimates
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.maneuvers import (
     ManeuverTest,
-    control_distance,
-    control_gramian,
-    cusum,
     detectable_impulse,
     detection_probability,
     exceedance_probability,
@@ -28,140 +37,13 @@ from cislunar.estimation.maneuvers import (
     threshold_of_schedule,
     whitened_tests,
 )
-from cislunar.observation.records import Measurements, Schedule, pointed_schedule, rows_of
+from cislunar.observation.records import pointed_schedule, rows_of
 from cislunar.tasking.demonstration import tracking_problem
-
-SIGMA = np.deg2rad(2.0 / 3600.0)
-PRIOR = np.diag([1e-5] * 3 + [1e-5] * 3) ** 2
-N_STEPS, SPACING = 180, 30
-NO_NOISE = ProcessNoise()
-EVERY = 6
-"""Steps between observations, which two observers make at the same time."""
 
 
 @pytest.fixture(scope="module")
 def problem():
     return tracking_problem(4, 3, duration_hours=N_STEPS / 60)
-
-
-def angles(scene, state, k, o):
-    """Right ascension and declination of a position."""
-    x, y, z = scene.observer_axes[k] @ (state[:3] - scene.observer_position[o, k])
-    return np.array([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
-
-
-def by_state(scene, state, k, o):
-    """Derivatives of the angles by the state, by central differences."""
-    found = np.zeros((2, 6))
-    for c in range(3):
-        step = np.zeros(6)
-        step[c] = 1e-6
-        ahead, behind = angles(scene, state + step, k, o), angles(scene, state - step, k, o)
-        found[:, c] = (ahead - behind) / 2e-6
-    return found
-
-
-def observed_steps():
-    return [k for k in range(1, N_STEPS + 1) if k % EVERY == 0]
-
-
-OBSERVERS = 1, 2
-
-
-def schedule_of(n_targets):
-    counts = np.zeros((n_targets, N_STEPS), dtype=np.int64)
-    counts[:, [k - 1 for k in observed_steps()]] = len(OBSERVERS)
-    ends = np.cumsum(counts).reshape(counts.shape)
-    offset = np.column_stack([ends[:, :1] - counts[:, :1], ends])
-    return Schedule(offset, np.tile(OBSERVERS, n_targets * len(observed_steps())))
-
-
-def transitions(path, scene):
-    """Transition matrices of every step, by central differences."""
-    found = []
-    for state in path[:-1]:
-        moved = [
-            propagate_bundle(state + sign * 1e-6 * np.eye(6), scene.step, 1)[:, 1]
-            for sign in (1, -1)
-        ]
-        found.append((moved[0] - moved[1]).T / 2e-6)
-    return found
-
-
-def kalman(scene, start, phi, values, process):
-    """An extended Kalman filter: means and covariances after every step, and NIS per row."""
-    mean, spread, squared, row = start.copy(), PRIOR.copy(), [], 0
-    means, spreads = [], []
-    for k in range(1, N_STEPS + 1):
-        mean = propagate_bundle(mean[None], scene.step, 1, start=(k - 1) * scene.step)[0, 1]
-        spread = phi[k - 1] @ spread @ phi[k - 1].T + process
-        if k in observed_steps():
-            for o in OBSERVERS:
-                h = by_state(scene, mean, k, o)
-                s = h @ spread @ h.T + SIGMA**2 * np.eye(2)
-                gain = spread @ h.T @ np.linalg.inv(s)
-                residual = values[row] - angles(scene, mean, k, o)
-                squared.append(residual @ np.linalg.solve(s, residual))
-                mean, spread = mean + gain @ residual, spread - gain @ s @ gain.T
-                row += 1
-        means.append(mean)
-        spreads.append(spread)
-    return np.array(means), np.array(spreads), np.array(squared)
-
-
-def estimates_of(means, spreads, n_rows):
-    """Estimates of several targets, (target, step, ...)."""
-    shape = means.shape[:2]
-    empty = np.empty((*shape, 4)), np.empty((*shape, 3))
-    return Estimates(*empty, means, np.empty((*shape, 12)), spreads, np.ones(n_rows, dtype=bool))
-
-
-def measured(scene, truth, rng):
-    """Noisy angles of a path."""
-    exact = [angles(scene, truth[k], k, o) for k in observed_steps() for o in OBSERVERS]
-    return np.array(exact) + SIGMA * rng.standard_normal((len(exact), 2))
-
-
-def empty_test(scene, n, process_noise=None):
-    """The test of n targets."""
-    return ManeuverTest(
-        scene,
-        EARTH_MOON,
-        n,
-        process_noise=process_noise,
-        window_hours=SPACING * 6 / 60,
-        spacing_minutes=SPACING,
-    )
-
-
-def advanced(test, start, runs, first, stop):
-    """Advance the test over an interval of filters that start at the same mean; returns its
-    results, and the target of each row."""
-    n = len(runs)
-    means, spreads = (np.array([run[i] for run in runs]) for i in (1, 2))
-    values = np.concatenate([run[0] for run in runs])
-    schedule = schedule_of(n)
-    full = np.column_stack([np.full(len(values), 10.0), values])
-    variance = np.full((len(values), 3), SIGMA**2)
-    whole = Measurements(schedule.offset, schedule.observer, full, variance)
-    target, step = rows_of(whole)
-    rows = (step >= first) & (step < stop)
-    part = whole.where(rows)
-    part = part._replace(offset=part.offset[:, first : stop + 1])
-    before = (
-        np.tile(start, (n, 1)) if first == 0 else means[:, first - 1],
-        np.tile(PRIOR, (n, 1, 1)) if first == 0 else spreads[:, first - 1],
-    )
-    each = estimates_of(means[:, first:stop], spreads[:, first:stop], rows.sum())
-    return *test.advance(OrbitEstimates(first, *before), part, each), target[rows]
-
-
-def monitored(scene, start, runs, process_noise=None, pieces=1):
-    """The test after all intervals, and the results of each."""
-    test = empty_test(scene, len(runs), process_noise)
-    edges = np.linspace(0, N_STEPS, pieces + 1).astype(int)
-    found = [advanced(test, start, runs, *span) for span in pairwise(edges)]
-    return test, [each[0] for each in found], [(each[2], each[1]) for each in found]
 
 
 @pytest.fixture(scope="module")
@@ -171,23 +53,6 @@ def orbit(problem):
     start = epoch[2]
     path = propagate_bundle(start[None], scene.step, N_STEPS)[0]
     return start, path, transitions(path, scene)
-
-
-def filtered(problem, orbit, rng, impulse=None, noise=NO_NOISE):
-    """Measurements of a random truth, and a filter of them; the impulse is (step, change)."""
-    scene, (start, _, phi) = problem.scene, orbit
-    error = np.sqrt(np.diag(PRIOR)) * rng.standard_normal(6)
-    impulses = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
-    if impulse is not None:
-        when = np.array([impulse[0] * scene.step])
-        impulses = Impulses(np.zeros(1, dtype=np.int64), when, impulse[1][None])
-    truth = propagate_with_impulses((start + error)[None], scene.step, N_STEPS, impulses)[0]
-    values = measured(scene, truth, rng)
-    variance, both = noise.covariance(scene.step_s)
-    process = np.diag(variance[6:])
-    process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
-    means, spreads, squared = kalman(scene, start, phi, values, process)
-    return values, means, spreads, squared
 
 
 CHANGE = np.array([0.4, -0.8, 0.6]) / VELOCITY_UNIT_M_S
@@ -375,24 +240,6 @@ def test_false_alarms_are_those_of_a_simulation(planned):
         largest = np.maximum(largest, np.sum((noise @ matrix.T) ** 2, axis=1))
     share = np.mean(largest > threshold)
     assert abs(share - found) < 4.0 * np.hypot(np.sqrt(wanted / n), error)
-
-
-def test_baselines():
-    rng = np.random.default_rng(1)
-    squared = rng.chisquare(2, 200)
-    found, total = cusum(squared, 0.3), 0.3
-    for k, each in enumerate(squared):
-        total = max(0.0, total + 0.25 * each - np.log(2.0))
-        assert found[k] == pytest.approx(total, abs=1e-9)
-    np.testing.assert_allclose(cusum(squared[50:], found[49]), found[50:], atol=1e-9)
-    # a body at rest that moves by s in the time T without changing its velocity: with constant
-    # acceleration bounded by effort, the least is sqrt(12) s / T^1.5
-    times = np.linspace(0.0, 2.0, 4001)
-    phi = np.tile(np.eye(6), (times.size, 1, 1))
-    phi[:, :3, 3:] = (2.0 - times)[:, None, None] * np.eye(3)
-    gramian = control_gramian(phi, times[1])
-    effort = control_distance([3.0, 0, 0, 0, 0, 0], gramian)
-    assert effort == pytest.approx(np.sqrt(12.0) * 3.0 / 2.0**1.5, rel=1e-6)
 
 
 def test_impossible_settings(problem):

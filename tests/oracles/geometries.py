@@ -4,6 +4,8 @@ import numpy as np
 
 from cislunar.attitude.quaternion import normalize
 
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
 
 def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

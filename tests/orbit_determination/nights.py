@@ -16,6 +16,7 @@ OBSERVERS = np.array(
     [[0.92, 0.0, 0.0, 0.0, 0.501, 0.0], [0.85, 0.1, 0.17, 0.0, 0.26, 0.0],
      [1.15, -0.1, 0.1, 0.0, -0.2, 0.0]]
 )  # fmt: skip
+LOG_CLUTTER = np.log(1.0 / np.deg2rad(3.0) ** 2)
 
 
 def night(objects, hours, alarms, seed, visits=(0.0, 10.0)):

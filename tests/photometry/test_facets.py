@@ -1,31 +1,29 @@
-"""Cook-Torrance facets against the paper's equations, spheres, quadrature and symmetries."""
+"""Magnitudes of Cook-Torrance facets against the paper's equations, spheres and symmetries."""
 
 import math
 import warnings
 
 import numpy as np
 import pytest
-from oracles.geometries import geometries
+from oracles.geometries import IDENTITY, geometries
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
-from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives, fresnel_slope
+from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
 from cislunar.photometry.facets import (
     FLOOR_MAGNITUDE,
     IRRADIANCE_FLOOR,
     apparent_magnitude,
     facet_irradiance,
     facet_magnitude,
-    fresnel_reflectance,
 )
 from cislunar.photometry.materials import PRINTED, Material, PhotometryModel
 from cislunar.photometry.shapes import Facets, icosahedron, icosphere
 from cislunar.photometry.sphere import sphere_magnitude
 
-IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 DIFFUSE = Material(diffuse_weight=1.0, specular_weight=0.0, diffuse_albedo=0.5)
 INVERSE_SQUARE = PhotometryModel(irradiance="1/r^2")
 ONE_FACET = np.array([2.0]), np.array([[0.0, 0.0, 1.0]]), Material().as_array()
@@ -117,30 +115,6 @@ def test_4pi_law_is_fainter_by_2_748_mag():
     finite = np.isfinite(literal)
     assert 30 < finite.sum() < 50
     np.testing.assert_allclose(literal[finite] - physical[finite], 2.748, atol=5e-4)
-
-
-# ---- Fresnel ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("f0", [0.02, 0.2, 0.5, 0.9])
-def test_fresnel_with_the_root_is_the_physical_reflectance(f0):
-    """Against the s and p amplitudes of a dielectric with refractive index b."""
-    b = (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
-    assert fresnel_reflectance(1.0, f0, True) == pytest.approx(f0, rel=1e-13)
-    for incidence in np.linspace(0.0, 1.55, 9):
-        inside = math.asin(math.sin(incidence) / b)
-        ci, ct = math.cos(incidence), math.cos(inside)
-        s = (ci - b * ct) / (ci + b * ct)
-        p = (b * ci - ct) / (b * ci + ct)
-        assert fresnel_reflectance(ci, f0, True) == pytest.approx((s * s + p * p) / 2, rel=1e-12)
-
-
-def test_fresnel_as_printed_is_0_889_at_normal_incidence():
-    assert fresnel_reflectance(1.0, 0.5, False) == pytest.approx(8.0 / 9.0, rel=1e-14)
-
-
-def test_fresnel_without_contrast_reflects_nothing():
-    assert fresnel_reflectance(0.7, 0.0, True) == pytest.approx(0.0, abs=1e-30)
 
 
 # ---- limits and symmetries -------------------------------------------------------------------
@@ -271,92 +245,6 @@ def test_filter_floor():
     far = 1e12
     assert facet_magnitude(IDENTITY, sun, sun, far, *shared) == FLOOR_MAGNITUDE
     assert apparent_magnitude(IDENTITY, sun, sun, far, facets) == pytest.approx(near + 25.0)
-
-
-# ---- energy ----------------------------------------------------------------------------------
-
-
-def directional_hemispherical(material, incidence, n=200):
-    """Share of the light on one facet that leaves it: Gauss rule over the view hemisphere."""
-    nodes, weights = np.polynomial.legendre.leggauss(n)
-    cosine = 0.5 * (nodes + 1.0)
-    azimuth = 2 * np.pi * (np.arange(n) + 0.5) / n
-    c, phi = np.meshgrid(cosine, azimuth, indexing="ij")
-    sine = np.sqrt(1 - c**2)
-    view = np.stack([sine * np.cos(phi), sine * np.sin(phi), c], axis=-1)
-    sun = np.array([math.sin(incidence), 0.0, math.cos(incidence)])
-    facet = Facets(np.array([1.0]), np.array([[0.0, 0.0, 1.0]]))
-    magnitude = apparent_magnitude(IDENTITY, sun, view, 1.0, facet, material, INVERSE_SQUARE)
-    flux = 10 ** ((SUN_APPARENT_MAGNITUDE - magnitude) / 2.5)
-    # reflected power over incident power A (N.L)
-    return float((flux * 0.5 * weights[:, None]).sum() * 2 * np.pi / n / math.cos(incidence))
-
-
-@pytest.mark.parametrize("incidence_deg", [0.0, 40.0, 75.0])
-def test_diffuse_facet_returns_its_albedo(incidence_deg):
-    share = directional_hemispherical(Material(0.8, 0.0, 0.6), math.radians(incidence_deg))
-    assert share == pytest.approx(0.8 * 0.6, rel=1e-9)
-
-
-def test_specular_facet_returns_four_times_its_fresnel_share():
-    """A property of the paper's normalization, stated in `Material`: it does not conserve energy.
-
-    For narrow slopes, where no light is masked, microfacets should return F0 of the light.
-    """
-    share = directional_hemispherical(Material(0.0, 1.0, rms_slope=0.1), 0.0, n=400)
-    assert share == pytest.approx(4.0 * 0.5, rel=1e-3)
-    assert directional_hemispherical(Material(), 0.0) == pytest.approx(1.245, abs=1e-3)
-    for incidence in (0.0, 0.7, 1.4):
-        share = directional_hemispherical(Material(specular_weight=0.125), incidence)
-        assert 0.25 < share < 0.5
-
-
-# ---- gradient --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("fresnel_sqrt", [True, False])
-def test_derivatives_by_turn_direction_and_range_agree_with_central_differences(fresnel_sqrt):
-    facets = icosahedron()
-    material = Material(0.4, 0.6, 0.3, 0.25, 0.45).as_array()
-    shape = (facets.areas, facets.normals, material, True, fresnel_sqrt)
-    checked = 0
-    for q, sun, view in zip(*geometries(300, seed=8), strict=True):
-        magnitude, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
-            q, sun, view, 1e6, *shape
-        )
-        assert magnitude == pytest.approx(facet_magnitude(q, sun, view, 1e6, *shape), rel=1e-14)
-        if magnitude == FLOOR_MAGNITUDE:
-            assert not np.any([*turn, *by_sun, *by_view, by_log_range])
-            continue
-        h = 1e-6
-        for axis, found in zip(np.eye(3), turn, strict=True):
-            ends = [
-                facet_magnitude(compose(from_rotation_vector(step), q), sun, view, 1e6, *shape)
-                for step in (h * axis, -h * axis)
-            ]
-            scale = 1.0 + np.abs(turn).max()
-            assert found == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=3e-8 * scale)
-        for vector, found in ((sun, by_sun), (view, by_view)):
-            # across the direction, where the vector stays a unit vector
-            for axis in np.cross(vector, np.eye(3)):
-                ends = []
-                for step in (h * axis, -h * axis):
-                    moved = (sun + step, view) if vector is sun else (sun, view + step)
-                    ends.append(facet_magnitude(q, *moved, 1e6, *shape))
-                scale = 1.0 + np.abs(found).max()
-                assert axis @ found == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=3e-8 * scale)
-        ranges = [facet_magnitude(q, sun, view, 1e6 * f, *shape) for f in (1.001, 0.999)]
-        assert by_log_range == pytest.approx((ranges[0] - ranges[1]) / 0.002, rel=1e-6)
-        checked += 1
-    assert checked > 250
-
-
-@pytest.mark.parametrize("fresnel_sqrt", [True, False])
-@pytest.mark.parametrize("cosine", [0.1, 0.5, 0.9])
-def test_slope_of_the_fresnel_reflectance(cosine, fresnel_sqrt):
-    ends = [fresnel_reflectance(cosine + h, 0.5, fresnel_sqrt) for h in (1e-6, -1e-6)]
-    slope = fresnel_slope(cosine, 0.5, fresnel_sqrt)
-    assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-6)
 
 
 # ---- settings --------------------------------------------------------------------------------

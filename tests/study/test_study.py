@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from example_study import EPOCH, OBSERVERS, SETTINGS, TARGETS
 
 import cislunar as cs
 from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.command.main import cislunar
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import InitialEstimate
 from cislunar.exchange.aem import read_aem
 from cislunar.exchange.arcs import rotating_arc
 from cislunar.exchange.inertial import epoch_at
@@ -19,26 +19,9 @@ from cislunar.exchange.state_tables import read_segments
 from cislunar.exchange.tdm import read_tdm
 from cislunar.figures.replay import cell_replay
 from cislunar.photometry.materials import Material
-from cislunar.study.objects import StudyObject, read_objects
 from cislunar.study.study_file import read_study, write_study
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.settings import LoopSettings
-
-EPOCH = "2027-03-01T06:00:00"
-OBSERVERS = {"north": "Halo_L1_N,period=9.5", "south": "Halo_L2_S,period=6.56"}
-TARGETS = {
-    "zulu": {"family": "Halo_L2_S", "jacobi": 3.05, "member": 1, "phase": 0.3},
-    "alpha": "Lyap_L2,period=15",
-    "mike": {"state_km": [400_000.0, 1_000.0, -60_000.0, 0.01, 0.1, 0.0]},
-}
-SETTINGS = {
-    "duration_hours": 1.5,
-    "interval_minutes": 30,
-    "estimator": "mukf",
-    "record_minutes": 5,
-    "sensor": {"limiting_magnitude": 22},
-    "filter": {"splitting": False},
-}
 
 
 @pytest.fixture(scope="module")
@@ -225,75 +208,6 @@ def test_observers_are_where_their_orbits_have_them(result, tmp_path):
         assert states[5:-5, 3:] == pytest.approx(path[5:-5, 3:], abs=1e-6)
 
 
-def test_a_covariance_given_by_the_user_is_that_of_the_estimate():
-    spread = np.diag([4.0, 9.0, 16.0, 1e-8, 1e-8, 4e-8])
-    targets = TARGETS | {"mike": TARGETS["mike"] | {"covariance_km": spread.tolist()}}
-    study = cs.Study(OBSERVERS, targets, EPOCH, **SETTINGS)
-    initial: InitialEstimate = study._placement(study._inputs()).initial
-    sigma = initial.deviations()[:, 6:] * np.repeat(
-        [LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3
-    )
-    assert sigma[2] == pytest.approx([2.0, 3.0, 4.0, 1e-4, 1e-4, 2e-4])
-    assert sigma[0, :3] == pytest.approx([31.6227766] * 3)
-
-
-def test_an_icrf_state_is_exact_in_ephemeris_dynamics():
-    """The position at the epoch is that given, by way of the Moon's position from SPICE."""
-    import spiceypy
-
-    from cislunar.ephemeris.kernel import kernel_path, loaded
-    from cislunar.ephemeris.time_scales import tdb_seconds
-
-    state = [60_000.0, -20_000.0, 5_000.0, 0.1, 0.9, -0.2]
-    target = {"orbiter": {"icrf_km": state, "center": "moon"}}
-    dynamics = {"truth": "ephemeris", "filter": "ephemeris"}
-    study = cs.Study(OBSERVERS, target, EPOCH, dynamics=dynamics, **SETTINGS)
-    placed = study._placement(study._inputs())
-    with loaded(kernel_path("de421")):
-        moon = spiceypy.spkgeo(301, tdb_seconds(EPOCH), "J2000", 3)[0]
-    assert placed.epoch_state[0, :3] * LENGTH_UNIT_KM == pytest.approx(
-        moon[:3] + state[:3], abs=1e-2
-    )
-
-
-def test_quantities_are_converted():
-    u = pytest.importorskip("astropy.units")
-    sensor = cs.Sensor(angle_noise_arcsec=10.0 * u.urad, limiting_magnitude=19 * u.mag)
-    assert sensor.angle_noise_arcsec == pytest.approx(2.0626480624709638)
-    study = cs.Study(
-        {"south": {"family": "Halo_L2_S", "period_days": 157.44 * u.h}},
-        TARGETS,
-        EPOCH,
-        duration_hours=0.0625 * u.day,
-        step_s=1 * u.min,
-        sensor={"field_of_view_deg": 60 * u.arcmin},
-    )
-    assert study.settings.duration_hours == 1.5
-    assert study.settings.sensor.field_of_view_deg == pytest.approx(1.0)
-    plain = read_objects("observer", {"south": OBSERVERS["south"]}, None, 1.0)
-    assert study.observers[0].state == pytest.approx(plain[0].state, abs=1e-12)
-
-
-def test_collections_of_all_kinds():
-    members = cs.periodic_orbits("Halo_L2_S", count=3)
-    named = read_objects("target", members, None, 1.0)
-    assert [each.name for each in named] == ["Halo_L2_S 1", "Halo_L2_S 2", "Halo_L2_S 3"]
-    listed = read_objects("target", [members.state[0], "Lyap_L2,period=15"], None, 1.0)
-    assert [each.name for each in listed] == ["target 1", "target 2"]
-    assert isinstance(listed[0], StudyObject)
-    tables = read_objects("observer", "config/examples/observers.csv", None, 1.0)
-    assert [each.name for each in tables] == ["gateway", "gate"] or len(tables) == 2
-    with_sensor = [each for each in tables if each.sensor]
-    assert all("limiting_magnitude" in each.sensor for each in with_sensor)
-    assert len(read_objects("target", "config/examples/targets.csv", None, 1.0)) == 12
-
-
-def test_read_study_is_a_study(tmp_path):
-    path = tmp_path / "own.yaml"
-    path.write_text("observers: {a: 'Halo_L2_S,period=6.56'}\ntargets: {b: 'Lyap_L2,period=15'}\n")
-    assert read_study(path).targets[0].name == "b"
-
-
 def test_observations_give_the_estimates_of_the_simulation(result):
     """The table alone, with directions in the ICRF, leads to the truth within its standard
     deviations, and to residuals as large as the noise; on another grid of times as well."""
@@ -344,76 +258,3 @@ def test_a_file_with_observations_gives_the_same_estimates_in_each_format(result
         assert len(written) == len(table) and set(written["artSat"]) <= set(TARGETS)
     assert found["csv"].summary().equals(found["tdm"].summary())
     assert found["csv"].summary()["used"].sum() > 0
-
-
-def test_motion_is_reduced_in_axes_that_do_not_turn():
-    """A turning frame adds the apparent accelerations, to second order in time."""
-    from cislunar.study.observed import _moved
-
-    position, rate = np.array([[1.1, 0.2, 0.0]]), np.array([[0.3, -0.1, 0.2]])
-    bend, elapsed = np.array([[0.05, 0.0, -0.02]]), np.array([1e-3])
-    # in axes that do not turn: p(t) = R(t) (p + v t + a t^2 / 2)
-    moved = position + elapsed * rate + 0.5 * elapsed**2 * bend
-    cos, sin = np.cos(1e-3), np.sin(1e-3)
-    turned = moved @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    assert _moved(position, rate, bend, 1.0, elapsed) == pytest.approx(turned, abs=1e-9)
-    assert _moved(position, rate, bend, 0.0, elapsed) == pytest.approx(moved, abs=1e-15)
-
-
-def test_a_page_names_observers_and_targets(tmp_path):
-    import base64
-    import gzip
-    import re
-
-    text = cs.Study(OBSERVERS, TARGETS, EPOCH, **SETTINGS).page(tmp_path / "page.html")
-    packed = re.search(r'await unpack\("([^"]+)"\)', text)[1]
-    script = gzip.decompress(base64.b64decode(packed)).decode()
-    assert all(f'"{name}, ' in script for name in TARGETS)
-    assert all(f'"{name} (1)"' in script for name in OBSERVERS)
-    assert (tmp_path / "page.html").read_text(encoding="utf-8") == text
-
-
-def test_light_time_and_times_off_the_grid_are_reduced():
-    """The direction that an observer at t has of a target at t less the light time becomes that of
-    the target at the nearest time of the grid, both by propagation and in inertial axes."""
-    from types import SimpleNamespace
-
-    from cislunar.exchange.inertial import inertial_states
-    from cislunar.study.observed import Observed, reduce_interval
-
-    study = cs.Study(OBSERVERS, TARGETS, EPOCH, **SETTINGS)
-    loop, problem = study._loop(study._inputs())
-    epoch, scene = epoch_at(study.settings.epoch), problem.scene
-    seen_s, grid_s = 17.37 * 60.0, 17.0 * 60.0
-    target, observer = problem.epoch_state[1], study.observers[0]
-
-    def place(elapsed_s, state, period=0.0):
-        times = [elapsed_s / TIME_UNIT_S]
-        path = (
-            cs.propagate_periodic(state, period, times, method="dop853")
-            if period
-            else cs.propagate(state, times, method="dop853")
-        )
-        return inertial_states(path, [elapsed_s], epoch, "EARTH BARYCENTER")[0, :3]
-
-    def angles(vector):
-        x, y, z = vector
-        return np.array([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
-
-    here = place(seen_s, observer.state, observer.period)
-    light_s = 0.0
-    for _ in range(4):
-        light_s = np.linalg.norm(place(seen_s - light_s, target) - here) / 299_792.458
-    assert light_s > 0.1
-    measured = angles(place(seen_s - light_s, target) - here)
-    expected = angles(place(grid_s, target) - place(grid_s, observer.state, observer.period))
-    given = Observed(
-        np.array([seen_s]), np.array([0]), np.array([1]),
-        np.array([[15.0, *measured]]), np.full((1, 3), 0.1),
-    )  # fmt: skip
-    turned = scene._replace(observer_axes=epoch.rotation.T @ scene.frame_axes)
-    tracker = SimpleNamespace(orbits=lambda: SimpleNamespace(translation=problem.epoch_state))
-    found = reduce_interval(given, turned, 1.0, tracker, loop.inputs.forces, 0, 30)
-    arcsec = np.rad2deg(found.measurements.value[0, 1:] - expected) * 3600.0
-    assert np.abs(np.rad2deg(measured - expected)).max() * 3600.0 > 5.0
-    assert np.abs(arcsec).max() < 1e-4

@@ -1,0 +1,157 @@
+"""Messages and tables of states: written, read back, refused in one line."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from halo_message import HALO, written
+from message_files import file_of, spoil
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics.propagation import propagate
+from cislunar.ephemeris.time_scales import clock_text, julian_date, tdb_to_clock
+from cislunar.errors import InputFileError
+from cislunar.exchange.arcs import arc, rotating_arc
+from cislunar.exchange.inertial import epoch_at, inertial_states
+from cislunar.exchange.oem import read_oem, state_at
+from cislunar.exchange.state_tables import read_segments, segments_csv
+
+
+@pytest.mark.parametrize("system", ["UTC", "TDB"])
+def test_a_message_reads_back(segment, tmp_path, system):
+    text = written(segment, comments=["circular problem"], time_system=system)
+    assert "COMMENT circular problem" in text
+    (back,) = read_oem(file_of(tmp_path, text))
+    assert back[:3] == segment[:3]
+    for name in ("state", "covariance"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(segment, name))
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    assert written(back, comments=["circular problem"], time_system=system) == text
+
+
+def test_another_reader_agrees(segment, tmp_path):
+    oem = pytest.importorskip("oem")
+    path = file_of(tmp_path, written(segment, time_system="TDB"))
+    message = oem.OrbitEphemerisMessage.open(path)
+    states = [np.concatenate([each.position, each.velocity]) for each in message.states]
+    np.testing.assert_array_equal(states, segment.state)
+    np.testing.assert_array_equal([e.matrix for e in message.covariances], segment.covariance)
+    message.save_as(tmp_path / "saved.oem", file_format="kvn")
+    np.testing.assert_allclose(read_oem(tmp_path / "saved.oem")[0].state, segment.state, rtol=1e-12)
+
+
+@pytest.mark.parametrize("system", ["UTC", "TAI", "TT", "TDB"])
+def test_a_table_reads_back(segment, tmp_path, system):
+    path = file_of(tmp_path, segments_csv([segment], time_system=system), "arc.csv")
+    (back,) = read_segments(path)
+    assert back[:3] == segment[:3]
+    np.testing.assert_array_equal(back.state, segment.state)
+    np.testing.assert_array_equal(back.covariance, segment.covariance)
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    assert segments_csv([back], time_system=system) == path.read_text(encoding="utf-8")
+    table = pd.read_csv(path)
+    assert table["x_km"].to_numpy() == pytest.approx(segment.state[:, 0])
+    assert set(table["frame"]) == {"ICRF"} and set(table["center"]) == {"EARTH"}
+    first = clock_text(tdb_to_clock(segment.tdb_s[0], system))
+    assert table[f"epoch_{system.lower()}"][0] == first
+
+
+def test_messages_and_tables_have_the_same_dates_by_default(tmp_path):
+    epoch = epoch_at(julian_date("2025-01-03T06:30:00"))
+    elapsed = np.arange(0.0, 20.0 * 86_400.0, 3_600.0)
+    states = np.tile(HALO, (elapsed.size, 1))
+    given = arc("HALO", states, elapsed, epoch, covariance=np.tile(np.eye(6), (elapsed.size, 1, 1)))
+    text = written(given)
+    table = file_of(tmp_path, segments_csv([given]), "arc.csv")
+    dates = pd.read_csv(table)["epoch_utc"].tolist()
+    wanted = np.datetime64("2025-01-03T06:30:00.000000") + elapsed.astype("timedelta64[s]")
+    assert dates == wanted.astype(str).tolist()
+    assert re.findall(r"^(2025\S+) ", text, flags=re.MULTILINE) == dates
+    assert re.findall(r"^EPOCH = (\S+)", text, flags=re.MULTILINE) == dates
+    for (back,) in (read_oem(file_of(tmp_path, text)), read_segments(table)):
+        np.testing.assert_allclose(back.tdb_s, given.tdb_s, rtol=0.0, atol=3e-7)
+        np.testing.assert_allclose(rotating_arc(back, epoch)[0], elapsed, rtol=0.0, atol=3e-7)
+
+
+def test_a_table_of_version_0_1_has_dates_in_tdb(segment, tmp_path):
+    text = segments_csv([segment], time_system="TDB")
+    old = text.replace("frame,epoch_tdb", "epoch").replace(",ICRF,", ",")
+    assert old.startswith("object,object_id,center,epoch,x_km")
+    (back,) = read_segments(file_of(tmp_path, old, "old.csv"))
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(back.covariance, segment.covariance)
+
+
+@pytest.mark.parametrize("at", [0.0, 1_800.0, 43_000.0, 82_799.0])
+def test_states_between_those_of_a_message(epoch, segment, at):
+    wanted = inertial_states(propagate(HALO, [at / TIME_UNIT_S], method="dop853"), [at], epoch)[0]
+    found, center = state_at([segment], epoch.tdb_s + at)
+    assert center == "EARTH"
+    assert np.linalg.norm(found[:3] - wanted[:3]) < 1e-3
+    assert np.linalg.norm(found[3:] - wanted[3:]) < 1e-6
+
+
+def test_a_time_beyond_a_message_is_refused(epoch, segment):
+    with pytest.raises(InputFileError, match=r"object HALO 1: 2024-10-03.* is not within"):
+        state_at([segment], epoch.tdb_s + 2e5)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("CCSDS_OEM_VERS = 2.0", "<?xml version='1.0'?>", "line 1: not an OEM in keyword-value"),
+        ("REF_FRAME = ICRF", "REF_FRAME = ITRF2000", "line 9: REF_FRAME = ITRF2000 cannot be used"),
+        ("REF_FRAME = ICRF", "REF_FRAME = ", "the segment lacks REF_FRAME"),
+        ("CENTER_NAME = EARTH", "CENTER_NAME = MARS", "CENTER_NAME = MARS cannot be used"),
+        ("TIME_SYSTEM = UTC", "TIME_SYSTEM = GPS", "TIME_SYSTEM = GPS cannot be used"),
+        ("(?s)META_STOP.*", "", "line 5: no META_STOP; the file is cut short"),
+        ("(?s)META_START.*", "", "no META_START; the file is cut short"),
+        (r"(?s)2024-10-01T20:00:00.*", "", "end before STOP_TIME"),
+        (r"(?s)(2024-10-01T20:00:00\S* \S+ \S+).*", r"\1", "line 35: 2 numbers after the date"),
+        ("COVARIANCE_STOP\n", "", "no COVARIANCE_STOP; the file is cut short"),
+        (r"(EPOCH = .*\n.*\n).*\n", r"\1", "3 numbers in row 2 of a lower triangle"),
+        (r"2024-10-01T03:00:00", "2024-10-01T25:00:00", "line 18: .* is not a date"),
+        (r"2024-10-01T03:00:00", "2024-09-30T03:00:00", "line 18: not later than the line"),
+        (r"(2024-10-01T03:00:00\S*) \S+", r"\1 nan", "line 18: 'nan' must be a finite number"),
+    ],
+)
+def test_a_faulty_message_is_refused_in_a_line(segment, tmp_path, old, new, message):
+    path = file_of(tmp_path, spoil(written(segment), old, new))
+    with pytest.raises(InputFileError, match=message) as caught:
+        read_oem(path)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("columns", [slice(0, 3), slice(3, 6)], ids=["meters", "meters per second"])
+def test_mixed_units_are_refused(segment, tmp_path, columns):
+    state = segment.state.copy()
+    state[:, columns] *= 1000.0
+    path = file_of(tmp_path, written(segment._replace(state=state)))
+    with pytest.raises(InputFileError, match="times as far as their velocities imply; an OEM has"):
+        read_oem(path)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("x_km", "x_m", "row 1: no column x_km"),
+        ("2024-10-01T02", "2024-31-01T02", "row 4, .* is not a date"),
+        ("EARTH", "PLUTO", "row 2, .* center 'PLUTO' is none of"),
+        ("ICRF", "ITRF", "row 2, .* frame 'ITRF' is none of ICRF"),
+        ("epoch_utc", "epoch", "row 1: the time scale or the frame is not stated; give"),
+        ("epoch_utc", "epoch_gps", "row 1: the time scale or the frame is not stated; give"),
+        ("frame", "axes", "row 1: the time scale or the frame is not stated; give"),
+        (
+            r"2024-10-01T03:\S+?,\S+?,",
+            "2024-10-01T03:00,x,",
+            "row 5, .* x_km = 'x' must be a finite number",
+        ),
+        (r",[^,]*\n$", "\n", "row 25: 31 fields where the header has 32"),
+    ],
+)
+def test_a_faulty_table_is_refused_in_a_line(segment, tmp_path, old, new, message):
+    path = file_of(tmp_path, spoil(segments_csv([segment]), old, new), "arc.csv")
+    with pytest.raises(InputFileError, match=message):
+        read_segments(path)

@@ -1,0 +1,61 @@
+"""Attribution of tracklets to an orbit, and plausibility of orbits near an observer."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from nights import HOUR, OBJECTS, night
+
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.dynamics import EARTH_MOON
+from cislunar.orbit_determination import (
+    AdmissibleRegion,
+    attributables,
+    attribution,
+    fit_orbits,
+    form_tracklets,
+)
+from cislunar.orbit_determination.attribution import OrbitHypotheses
+from cislunar.orbit_determination.initial_orbits import is_plausible
+
+
+@pytest.mark.parametrize("intruder", [None, 20])
+def test_an_orbit_takes_ever_more_tracklets_at_once(intruder, monkeypatch):
+    angles, _ = night(OBJECTS[:1], np.arange(0.0, 14.0), 0.0, 21)
+    tracklets = attributables(angles, form_tracklets(angles))
+    right = set(range(tracklets.time.size)) - {intruder}
+    assert tracklets.time.size == 42 and tracklets.time[20] > 6.0 * HOUR
+    wrong = set() if intruder is None else set(tracklets.detections[intruder].tolist())
+    judge, sizes = attribution.agrees, []
+
+    def agrees(fits, significance):
+        rows = [set(fits.row[a:b].tolist()) for a, b in pairwise(fits.begin.tolist())]
+        sizes.extend(len(each) for each in rows)
+        return judge(fits, significance) & [not each & wrong for each in rows]
+
+    monkeypatch.setattr(attribution, "agrees", agrees)
+    rows = np.unique(np.concatenate(tracklets.detections[:3]))
+    start = fit_orbits(angles, [rows], OBJECTS[:1], 0.0)
+    found = attribution.extend_orbits(
+        angles, tracklets, OrbitHypotheses(start, ((0, 1, 2),)),
+        np.ones(tracklets.time.size, dtype=bool), forces=EARTH_MOON, spans_h=(3.0, 24.0),
+        gate_probability=0.9999, significance=1e-6,
+    )  # fmt: skip
+    assert max(np.diff([rows.size, *sizes])) > 2 * 4
+    # a wrong tracklet may exclude those that were as probable when the orbit would have taken it
+    lost = right - set(found.tracklets[0])
+    assert set(found.tracklets[0]) <= right and len(lost) <= (0 if intruder is None else 3)
+    # four, eight, sixteen, and the rest
+    assert intruder is not None or len(sizes) <= 8
+
+
+def test_an_object_may_pass_by_an_observer():
+    angles, origin = night(OBJECTS[:1], [0.0, 2.0], 0.0, 8)
+    fits = fit_orbits(angles, [np.arange(origin.size)], OBJECTS[:1], 0.0)
+    region = AdmissibleRegion()
+    for near, plausible in ((0, True), (5, True), (6, False), (12, False)):
+        position = fits.position.copy()
+        unit = position[:near] / np.linalg.norm(position[:near], axis=1)[:, None]
+        position[:near] = unit * 0.9 * region.least_range_km / LENGTH_UNIT_KM
+        found = is_plausible(fits._replace(position=position), EARTH_MOON, region)
+        assert found.tolist() == [plausible]

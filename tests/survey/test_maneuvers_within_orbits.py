@@ -1,0 +1,101 @@
+"""Maneuvers within the detections of a single orbit."""
+
+import numpy as np
+import pytest
+from maneuvered_arcs import MANEUVER, PROBLEM, SETTINGS, SIGMA, STEP, WHOLE, moved
+from scipy.stats import multivariate_normal
+
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, VELOCITY_UNIT_M_S, propagate, propagate_many
+from cislunar.orbit_determination import fit_orbits, make_angles
+from cislunar.survey import LineageSettings
+from cislunar.survey.maneuvers import maneuvers_within
+
+
+def whole_arc(change_m_s, seed, maneuver=MANEUVER, minutes=WHOLE):
+    """Orbit fitted to the angles of the first object from before and after a change of velocity."""
+    rng, scene = np.random.default_rng(seed), PROBLEM.scene
+    change = np.concatenate([np.zeros(3), np.asarray(change_m_s) / VELOCITY_UNIT_M_S])
+    met = moved(PROBLEM.epoch[0], [maneuver])[0] + change
+    early = minutes < maneuver
+    states = np.concatenate([
+        moved(PROBLEM.epoch[0], minutes[early]),
+        propagate(met, (minutes[~early] - maneuver) * STEP, method="dop853"),
+    ])  # fmt: skip
+    minute, observer = (each.ravel() for each in np.meshgrid(minutes, range(3), indexing="ij"))
+    here = scene.observer_position[observer, minute]
+    unit = np.repeat(states[:, :3], 3, axis=0) - here
+    unit /= np.linalg.norm(unit, axis=1)[:, None]
+    unit += SIGMA * rng.standard_normal(unit.shape)
+    angles = make_angles(minute * STEP, observer, here, unit, SIGMA)
+    rows = [np.arange(minute.size)]
+    fits = fit_orbits(angles, rows, states[-1:], minutes[-1] * STEP, forces=EARTH_MOON)
+    return angles, fits, states[-1]
+
+
+def within(angles, fits, settings=SETTINGS):
+    return maneuvers_within(fits, angles, forces=EARTH_MOON, settings=settings)
+
+
+def test_an_orbit_whose_detections_hide_a_maneuver_has_the_state_after_it():
+    """Against single fits, which are biased by far more than their covariance."""
+    settings = LineageSettings(maneuvers_per_day=1.5, scales_m_s=(0.3,))
+    rng, squared, given = np.random.default_rng(8), [], []
+    for seed in range(40):
+        moves = seed % 2 == 0
+        change, minute = 0.3 * moves * rng.standard_normal(3), rng.uniform(60.0, 480.0)
+        angles, fits, truth = whole_arc(change, seed, minute)
+        orbits, found = within(angles, fits, settings)
+        if not found.before.size:
+            continue
+        assert moves
+        np.testing.assert_array_equal(found.before, found.after)
+        for one, out in ((orbits, squared), (fits, given)):
+            error = one.state[0] - truth
+            out.append(error @ np.linalg.solve(one.covariance[0], error) / 6.0)
+        assert abs(found.time[0] - minute * STEP) < 5.0 * found.time_sigma[0]
+        off = found.velocity_m_s[0] - change
+        assert off @ np.linalg.solve(found.velocity_covariance[0], off) < 25.0
+    assert 0.5 < np.mean(squared) < 1.6 and np.mean(given) > 20.0 and len(squared) >= 12
+
+
+def test_the_ratio_for_a_maneuver_within_an_orbit_is_that_of_normal_distributions():
+    """Densities of the residuals with derivatives by differences, and a wide prior of the state."""
+    angles, fits, _ = whole_arc((2.0, -1.0, 3.0), 3, 100.3, np.arange(0, 181, 20))
+    settings = SETTINGS.model_copy(update={"scales_m_s": (0.5,), "least_probability": 0.5 + 1e-9})
+    _, found = within(angles, fits, settings)
+    state, epoch = fits.state[0], float(fits.epoch[0])
+
+    def offsets(start, impulse=None):
+        """Standardized offsets of predicted directions; the impulse (time, velocity) undone before
+        its time."""
+        paths = propagate_many(start[None], angles.time - epoch, method="dop853")[0]
+        if impulse is not None:
+            met = propagate(start, [impulse[0] - epoch], method="dop853")[0]
+            met = met - np.concatenate([np.zeros(3), impulse[1]])
+            early = angles.time < impulse[0]
+            since = angles.time[early] - impulse[0]
+            paths[early] = propagate_many(met[None], since, method="dop853")[0]
+        way = paths[:, :3] - angles.observer_position
+        along = np.sum(way * angles.direction, axis=1)[:, None]
+        return (np.einsum("nac,nc->na", angles.basis, way) / along / SIGMA).ravel()
+
+    base = offsets(state)
+    by_state = np.array([
+        (offsets(state + h) - offsets(state - h)) / 2e-7 for h in 1e-7 * np.eye(6)
+    ]).T  # fmt: skip
+    wide = by_state @ np.diag([1e-3] * 3 + [1e-2] * 3) ** 2 @ by_state.T + np.eye(base.size)
+    none = multivariate_normal(cov=wide).logpdf(-base)
+    span = angles.time[-1] - angles.time[0]
+    count = int(np.ceil(span * TIME_UNIT_S / 60.0))
+    logs = []
+    for time in angles.time[0] + span * (np.arange(count) + 0.5) / count:
+        ends = [
+            [offsets(state, (time, side * h)) for side in (1.0, -1.0)] for h in 1e-6 * np.eye(3)
+        ]
+        by_velocity = np.array([(one - other) / 2e-6 for one, other in ends]).T
+        more = (0.5 / VELOCITY_UNIT_M_S) ** 2 * by_velocity @ by_velocity.T
+        logs.append(multivariate_normal(cov=wide + more).logpdf(-base) - none)
+    rate = SETTINGS.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
+    expected = np.log(rate * span * np.mean(np.exp(logs)))
+    assert found.log_ratio[0] == pytest.approx(expected, abs=0.05)
