@@ -108,3 +108,5 @@ def test_impossible_settings_are_named(objective):
         coordinate_search(objective, rng, n_slots=2, starts=[([1, 1], [1, 1])])
     with pytest.raises(ConfigurationError, match="restart"):
         coordinate_search(objective, rng, n_slots=2, restarts=0)
+    with pytest.raises(ConfigurationError, match="total = 9: 2 slots"):
+        satellite_front(objective, [2, 9], rng, n_slots=2)
