@@ -31,7 +31,13 @@ from cislunar.observation.sensor import (
     noise_variance_at,
     sensor_limits,
 )
-from cislunar.observation.sightline import direction_angles, unit_vectors, wrap_angle, wrapped
+from cislunar.observation.sightline import (
+    angles_of_vectors,
+    direction_angles,
+    unit_vectors,
+    wrap_angle,
+    wrapped,
+)
 from cislunar.observation.target_surfaces import TargetSurfaces
 
 Array = NDArray[np.float64]
@@ -111,8 +117,7 @@ def point_at(
     kept = np.all(np.isfinite(place), axis=1)
     step, observer = step[kept], observer[kept]
     way = place[kept] - scene.observer_position[observer, first + step]
-    x, y, z = np.einsum("nij,nj->in", scene.observer_axes[first + step], way)
-    boresight = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+    boresight = angles_of_vectors(np.einsum("nij,nj->ni", scene.observer_axes[first + step], way))
     return Exposures(
         step, observer, boresight, limits.half_field[observer], limits.limiting_magnitude[observer]
     )

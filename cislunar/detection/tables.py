@@ -15,7 +15,7 @@ from cislunar.exchange.observation_files import observation_table
 from cislunar.exchange.observations import checked, observation_dates, require
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
-from cislunar.observation.sightline import unit_vectors
+from cislunar.observation.sightline import angles_of_vectors, unit_vectors
 
 Array = NDArray[np.float64]
 
@@ -172,8 +172,7 @@ def icrf_directions(
     turn = np.asarray(turn, dtype=float)
     ra, dec = np.asarray(direction, dtype=float).T
     unit, along = _tangents(ra, dec)
-    x, y, z = np.einsum("nij,nj->in", turn, unit)
-    ra_new, dec_new = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+    ra_new, dec_new = angles_of_vectors(np.einsum("nij,nj->ni", turn, unit)).T
     covariance = np.zeros((ra.size, 2, 2))
     if variance is not None:
         _, new = _tangents(ra_new, dec_new)

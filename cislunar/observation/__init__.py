@@ -18,10 +18,10 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "sensor": ["ARCSECOND", "Atmosphere", "ExclusionAngles", "GroundSensor", "PhotonNoise",
         "Sensor", "SensorLimits", "Sensors", "extinction", "limits_of", "noise_at",
         "noise_variance_at", "sensor_limits", "sensors_of"],
-    "sightline": ["CLEAR", "EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "dimming",
-        "direction_angles", "in_clear_view", "inside_primary", "lit_directions", "obstacle",
-        "outside_exclusion", "rotate", "sphere_brighter", "sphere_margin", "sunlit_share",
-        "toward_primary", "unit_vectors", "wrap_angle", "wrapped"],
+    "sightline": ["CLEAR", "EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "angles_of_vectors",
+        "dimming", "direction_angles", "in_clear_view", "inside_primary", "lit_directions",
+        "obstacle", "outside_exclusion", "rotate", "sphere_brighter", "sphere_margin",
+        "sunlit_share", "toward_primary", "unit_vectors", "wrap_angle", "wrapped"],
     "target_surfaces": ["TargetSurfaces", "body_of", "joined_surfaces", "surfaces_of"],
 })
 # fmt: on

@@ -223,3 +223,9 @@ def unit_vectors(ra: ArrayLike, dec: ArrayLike) -> Array:
     """Unit vectors (..., 3) of directions, rad."""
     a, d = np.asarray(ra, dtype=float), np.asarray(dec, dtype=float)
     return np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)], axis=-1)
+
+
+def angles_of_vectors(vectors: ArrayLike) -> Array:
+    """Right ascension and declination (..., 2), rad, of vectors (..., 3) of any length."""
+    x, y, z = np.moveaxis(np.asarray(vectors, dtype=float), -1, 0)
+    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)

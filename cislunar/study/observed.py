@@ -28,6 +28,7 @@ from cislunar.exchange.observations import OBJECT_NAMES, REQUIRED, checked, obje
 from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
+from cislunar.observation.sightline import angles_of_vectors
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -178,7 +179,7 @@ def reduce_interval(
     light = light_time * np.linalg.norm(body[0] - place[0], axis=1) / _LIGHT_SPEED
     seen = _moved(*body, rotation, elapsed - light) - _moved(*place, rotation, elapsed)
     on_grid, apart = (
-        _angles(np.einsum("nij,nj->ni", scene.observer_axes[at], each))
+        angles_of_vectors(np.einsum("nij,nj->ni", scene.observer_axes[at], each))
         for each in (body[0] - place[0], seen)
     )
     value = observed.value[rows].copy()
@@ -211,9 +212,3 @@ def _moved(position: Array, rate: Array, bend: Array, rotation: float, elapsed: 
     speed = rate + across(position)
     pull = bend + 2.0 * across(rate) + across(across(position))
     return position + after * speed + 0.5 * after**2 * pull
-
-
-def _angles(direction: Array) -> Array:
-    """Right ascension and declination (row, 2), rad."""
-    x, y, z = direction.T
-    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)

@@ -37,7 +37,7 @@ from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
-from cislunar.observation import Scene, SensorLimits, unit_vectors
+from cislunar.observation import Scene, SensorLimits, angles_of_vectors, unit_vectors
 from cislunar.runtime.settings_fields import require_multiple
 from cislunar.survey.fields import FieldGrid, Views, views
 from cislunar.survey.settings import DENSITY, STARING, SWEEP, SearchSettings
@@ -217,8 +217,7 @@ class SearchPlanner:
         ).reshape(-1, 2)
         k = first + visits.step
         turn = self.scene.observer_axes[k] @ self.scene.frame_axes[k].swapaxes(1, 2)
-        x, y, z = np.einsum("nij,nj->in", turn, unit_vectors(*center.T))
-        boresight = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+        boresight = angles_of_vectors(np.einsum("nij,nj->ni", turn, unit_vectors(*center.T)))
         return Exposures(
             visits.step, o, boresight, self.limits.half_field[o], self.limits.limiting_magnitude[o]
         )

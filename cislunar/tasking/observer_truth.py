@@ -23,7 +23,7 @@ from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
-from cislunar.observation import Scene, wrapped
+from cislunar.observation import Scene, angles_of_vectors, wrapped
 from cislunar.runtime import Array, array_of
 from cislunar.tasking.initial_conditions import OBSERVER, stream
 
@@ -57,7 +57,10 @@ class ObserverTruth(NamedTuple):
         velocity = translation[:, 3:] - observer_velocities(scene)[observer, index]
         velocity += np.cross(frame_rotation(scene), way)
         axes = scene.observer_axes[index]
-        before, after = _angles(axes, way), _angles(axes, way + clock[:, None] * velocity)
+        later = way + clock[:, None] * velocity
+        before, after = (
+            angles_of_vectors(np.einsum("nij,nj->ni", axes, each)) for each in (way, later)
+        )
         return error[:, 3:5] + wrapped(after - before)
 
     def measured(
@@ -82,12 +85,6 @@ class ObserverTruth(NamedTuple):
         order = np.lexsort((value[:, 1], detections.exposure))
         exposure, variance = detections.exposure[order], detections.variance[order]
         return Detections(exposure, value[order], variance), origin[order]
-
-
-def _angles(axes: Array, way: Array) -> Array:
-    """Right ascension and declination, shape (row, 2)."""
-    x, y, z = np.einsum("nij,nj->in", axes, way)
-    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
 
 
 def shifted_angles(value: Array, offset: Array) -> Array:

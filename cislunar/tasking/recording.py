@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
 from cislunar.estimation.navigation.errors import N_PARAMETERS, ObserverEstimate
-from cislunar.observation import Measurements, Scene, rows_of
+from cislunar.observation import Measurements, Scene, angles_of_vectors, rows_of
 from cislunar.runtime import Array
 from cislunar.tasking.histories import HISTORIES, ObservationLog
 from cislunar.tasking.settings import LoopSettings
@@ -163,6 +163,5 @@ def _pointing(
     # index 0 of the scene is the epoch, without a measurement
     at = start + steps + 1
     way = position - scene.observer_position[:, at]
-    x, y, z = np.einsum("tij,otj->iot", scene.observer_axes[at], way)
-    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
+    angles = angles_of_vectors(np.einsum("tij,otj->oti", scene.observer_axes[at], way))
     return np.where((target_by_step.T >= 0)[..., None], angles, np.nan)
