@@ -38,7 +38,6 @@ _FILES = (
     ("Figure 8, a representative target", "figures/fig08_representative_target.png", ()),
     ("Every number and claim, with a verdict", "tables/paper/paper_vs_ours.csv",
      ("comparisons of tasking",)),
-    ("Orbits, architectures and targets in 3D, interactive", "figures/orbits_3d.html", ()),
 )  # fmt: skip
 """Figure or table, file, and the kinds of jobs it needs besides those of the lines above it."""
 
