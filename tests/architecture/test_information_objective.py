@@ -334,8 +334,8 @@ def test_satellites_of_slots_have_the_phases_of_the_paper():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"count": 0}, "windows = 0"),
-        ({"hours": 200.0}, "window_hours"),
+        ({"count": 0}, "count = 0"),
+        ({"hours": 200.0}, "hours = 200"),
         ({"step_hours": 5.0}, "step_hours"),
     ],
 )

@@ -304,7 +304,7 @@ def test_a_prior_is_needed_and_values_are_checked(tmp_path):
     assert "\n" not in str(caught.value)
     with pytest.raises(CislunarError, match="needs a prior"):
         navigated(mukf(), "considered", ObserverErrorSigma())
-    with pytest.raises(CislunarError, match="unknown"):
+    with pytest.raises(CislunarError, match="must be one of none"):
         navigated(mukf(), "ignored", SIGMA)
     with pytest.raises(CislunarError, match="position_m"):
         ObserverErrorSigma(position_m=-1)

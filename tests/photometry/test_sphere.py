@@ -97,7 +97,7 @@ def test_faintness_decides_as_the_magnitude_does(radius, reflection, limit):
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_impossible_sphere_is_refused(value):
-    with pytest.raises(ConfigurationError, match="target_radius_m"):
+    with pytest.raises(ConfigurationError, match="radius_m = "):
         faintness_per_squared_range(18.0, radius_m=value)
     with pytest.raises(ConfigurationError, match="diffuse_reflection_coefficient"):
         faintness_per_squared_range(18.0, diffuse_reflection_coefficient=value)
