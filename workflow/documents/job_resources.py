@@ -26,7 +26,7 @@ MEMORY_STEP_MB, TIME_STEP_MIN = 250, 5
 
 BEGIN, END = "# begin: from measured.csv\n", "# end: from measured.csv\n"
 
-LIKE = {"tracking_realization": "tracking_cell_large"}
+LIKE = {"tracking_realization": "tracking_cell_variant"}
 """Rules that a campaign may lack, each with a rule whose jobs are at least as large."""
 
 _ALIKE = {other: rule for rule, other in LIKE.items()}
