@@ -6,6 +6,7 @@ known, through the Earth and the Moon if need be. Continued branches are cached 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from functools import partial
@@ -131,11 +132,13 @@ def family_named(name: str) -> Family:
     Raises
     ------
     ConfigurationError
-        If the family is unknown.
+        If the family is unknown, or a resonance is not in lowest terms.
     """
     require_kind("family", name, str, "give the name of an orbit family, such as 'Halo_L2_S'")
     resonance = _RESONANT.fullmatch(name)
     if resonance and name not in CATALOG:
+        if math.gcd(int(resonance[1]), int(resonance[2])) > 1:
+            raise ConfigurationError(f"family = {name!r} must be in lowest terms, as Resonant_3:2")
         return _resonant(*resonance.groups())
     if name not in CATALOG:
         near = did_you_mean(name, CATALOG, 0.8)  # at a lower cutoff all names are similar

@@ -154,6 +154,7 @@ def test_resonant_orbits_close_after_whole_turns_of_the_moon():
     ("family", "given", "message"),
     [
         ("Halo_L4", {}, "unknown orbit family 'Halo_L4'"),
+        ("Resonant_6:4b", {}, "family = 'Resonant_6:4b' must be in lowest terms"),
         ("DRO", {"jacobi": 3.0, "period": 2.0}, "give one value"),
         ("DRO", {"jacobi": (3.0, 2.0)}, "from 3.0 to 2.0 is no range"),
         ("DRO", {"count": 0}, "count = 0 must be a whole number of at least 1"),
