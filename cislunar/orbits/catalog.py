@@ -135,8 +135,7 @@ def family_named(name: str) -> Family:
         If the family is unknown, or a resonance is not in lowest terms.
     """
     require_kind("family", name, str, "give the name of an orbit family, such as 'Halo_L2_S'")
-    resonance = _RESONANT.fullmatch(name)
-    if resonance and name not in CATALOG:
+    if name not in CATALOG and (resonance := _RESONANT.fullmatch(name)):
         if math.gcd(int(resonance[1]), int(resonance[2])) > 1:
             raise ConfigurationError(f"family = {name!r} must be in lowest terms, as Resonant_3:2")
         return _resonant(*resonance.groups())
