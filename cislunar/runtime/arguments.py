@@ -117,8 +117,9 @@ def count_of(name: str, given: Any, least: int = 1, most: int | None = None) -> 
 def require_choice(name: str, given: Any, choices: Iterable[str]) -> None:
     """Raise a `ConfigurationError` if an argument is none of the known names."""
     names = list(choices)
-    if given not in names:
-        close = did_you_mean(given, names) if isinstance(given, str) else ""
+    text = isinstance(given, str)
+    if not text or given not in names:
+        close = did_you_mean(given, names) if text else ""
         rule = f"must be one of {', '.join(names)}{close and '; '}{close}"
         raise ConfigurationError(f"{name} = {shown(given)} {rule}")
 

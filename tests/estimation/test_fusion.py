@@ -80,6 +80,9 @@ def test_no_correlation_makes_the_intersection_overconfident():
 def test_an_unknown_fusion_is_refused():
     with pytest.raises(ConfigurationError, match="fusion = 'best' must be one of"):
         catalogs(estimator_named("mukf"), "best")
+    for other in (None, 3, np.nan, ["common"], np.array(["common", "alone"])):
+        with pytest.raises(ConfigurationError, match=r"fusion = .* must be one of common"):
+            catalogs(estimator_named("mukf"), other)
 
 
 @pytest.fixture(scope="module")

@@ -74,7 +74,10 @@ MISTAKES = {
     "small covariance": (target(**STATE, covariance_km=[1, 2]), "covariance_km has shape"),
     "negative covariance": (target(**STATE, covariance_km=-np.eye(6)), "positive definite"),
     "quaternion of norm 2": (target(**STATE, quaternion=[0, 0, 0, 2]), "has norm 2"),
-    "unknown center": (target(icrf_km=[4e5, 0, 0, 0, 1, 0], center="MARS"), "'MARS' must be"),
+    "unknown center": (
+        target(icrf_km=[4e5, 0, 0, 0, 1, 0], center="MARS"),
+        "center = 'MARS' must be one of EARTH, MOON",
+    ),
     "center without ICRF": (target(**STATE, center="MOON"), "center belongs to icrf_km"),
     "a name twice": (
         lambda: studied(EYE, {"a": {"family": "Halo_L2_S", "count": 2}, "a 1": TARGET["a"]}),
