@@ -1,8 +1,10 @@
 """Tracklets: detections of one pass of an object by one observer, and their attributables.
 
 Two detections of one observer form a pair if their separation in time, their angular rate and their
-difference of magnitude are within the settings. Later detections near the straight path of the pair
-on the sky extend it. A detection may be in several tracklets; linking chooses among them.
+difference of magnitude are within the settings. A third detection has to be near the straight path
+of the pair on the sky, and each further one on the smooth path of the detections before it. A
+detection may be in several tracklets; linking chooses among them. A tracklet is left out if each of
+its detections is in a tracklet that has two more, since shorter paths agree by chance more often.
 
 An attributable is the direction and its rate, with covariance, at a reference time. The offsets of
 the detections in the plane tangent at their mean direction are fitted by a polynomial of time, in
@@ -35,6 +37,15 @@ Indices = NDArray[np.int64]
 
 _CURVATURE_CHI_SQUARED = float(chi2.ppf(0.999, 2))
 """Decrease of chi squared from which a path is fitted with a curvature."""
+
+_PATH_LENGTH = 7
+"""Detections to whose path another one of a tracklet has to fit, itself included."""
+
+_PATH_LIMITS = (*[np.inf] * 4, *(float(chi2.isf(1e-6, n)) for n in (2, 2, 4, 6)))
+"""Largest chi squared of a path of so many detections: a parabola through four, else a cubic."""
+
+_CLEARLY_LONGER = 2
+"""How many more detections those tracklets have that may replace another one."""
 
 
 class Attributables(NamedTuple):
@@ -118,6 +129,15 @@ def form_tracklets(
     list of ndarray of int
         Rows of the angles, at least `least_detections` each, in order of time; no tracklet contains
         another.
+
+    Notes
+    -----
+    The third detection may deviate from the straight path by half of
+    `largest_acceleration_arcsec_s2` times the product of the times since the two others, and by
+    five standard deviations. A further one is accepted if the last six detections and it fit a
+    cubic of time, or the first four a parabola, at a significance of 1e-6. Of several detections at
+    the time of the third one, the one that leads to the longest tracklet is taken; of several
+    further ones, the one that fits best.
     """
     settings = TrackletSettings() if settings is None else settings
     gap = settings.largest_gap_min * 60.0 / TIME_UNIT_S
@@ -135,7 +155,11 @@ def form_tracklets(
         own = angles.time[rows], fixed[rows], angles.magnitude[rows], sigma[rows]
         begin, later = _successors(*own[:3], limits)
         members, size = _chains(*own[:2], own[3], begin, later, acceleration, least)
-        for chain in np.split(rows[members], np.cumsum(size)[:-1]) if size.size else ():
+        if size.size == 0:
+            continue
+        chains = np.split(rows[members], np.cumsum(size)[:-1])
+        for k in np.flatnonzero(_without_longer(members, size)).tolist():
+            chain = chains[k]
             span = angles.time[chain[-1]] - angles.time[chain[0]]
             parts = np.array_split(chain, max(1, int(np.ceil(span / longest))))
             found += [part for part in parts if part.size >= least]
@@ -186,32 +210,90 @@ def _path_offset(time, fixed, sigma, acceleration, p, q, row):
     return np.sqrt(distance2) / (allowed + 5.0 * noise)
 
 
+@njit_noalloc
+def _path_misfit(time, fixed, sigma, chain, n, row, work):
+    """Chi squared of a polynomial of time through the last detections of a chain of `n` and another
+    detection, over its limit. The polynomials are orthogonal for the weights of the detections."""
+    first = max(0, n - _PATH_LENGTH + 1)
+    m = n - first + 1
+    span = time[row] - time[chain[first]]
+    weight, x, below, here, left = 0, 1, 2, 3, 4
+    for i in range(m):
+        k = row if i == m - 1 else chain[first + i]
+        work[weight, i], work[x, i] = 2.0 / sigma[k] ** 2, (time[row] - time[k]) / span
+        work[below, i], work[here, i] = 0.0, 1.0
+        for c in range(3):
+            work[left + c, i] = fixed[k, c] - fixed[row, c]
+    before, chi_squared = 1.0, 0.0
+    for _ in range(min(m - 1, 4)):
+        norm = shift = 0.0
+        for i in range(m):
+            share = work[weight, i] * work[here, i] ** 2
+            norm, shift = norm + share, shift + share * work[x, i]
+        for c in range(3):
+            along = 0.0
+            for i in range(m):
+                along += work[weight, i] * work[here, i] * work[left + c, i]
+            for i in range(m):
+                work[left + c, i] -= along / norm * work[here, i]
+        for i in range(m):
+            following = (work[x, i] - shift / norm) * work[here, i]
+            following -= norm / before * work[below, i]
+            work[below, i], work[here, i] = work[here, i], following
+        before = norm
+    for c in range(3):
+        for i in range(m):
+            chi_squared += work[weight, i] * work[left + c, i] ** 2
+    return chi_squared / _PATH_LIMITS[m]
+
+
+@njit_noalloc
+def _grown(time, fixed, sigma, begin, later, chain, n, work):
+    """Size of a chain of `n` detections after it has been extended by the next ones that fit its
+    path, into `chain`."""
+    while True:
+        last, best, least = chain[n - 1], -1, 1.0
+        for k in range(begin[last], begin[last + 1]):
+            q = later[k]
+            if best >= 0 and time[q] > time[best]:
+                break
+            value = _path_misfit(time, fixed, sigma, chain, n, q, work)
+            if value <= least:
+                best, least = q, value
+        if best < 0:
+            return n
+        chain[n] = best
+        n += 1
+
+
 @njit(cache=True, error_model="numpy")
 def _chains(time, fixed, sigma, begin, later, acceleration, least):
-    """Chains of at least `least` detections along straight paths, each from a pair that no chain
-    before contains: their detections, one chain after the other, and their sizes."""
+    """Chains of at least `least` detections along smooth paths, each from a pair that no chain
+    before contains: their detections, one chain after the other, and their sizes. Of the third
+    detections of the same time, the one of the longest chain is taken."""
     used = np.zeros(later.size, np.bool_)
     members, size = np.empty(max(time.size, 64), np.int64), np.empty(max(time.size, 64), np.int64)
-    chain = np.empty(time.size, np.int64)
+    chain, trial = np.empty(time.size, np.int64), np.empty(time.size, np.int64)
+    work = np.empty((7, _PATH_LENGTH))
     total = count = 0
     for p in range(time.size):
         for start in range(begin[p], begin[p + 1]):
             if used[start]:
                 continue
-            chain[0], chain[1], n = p, later[start], 2
-            while True:
-                last, best, offset = chain[n - 1], -1, 0.0
-                for k in range(begin[last], begin[last + 1]):
-                    q = later[k]
-                    if best >= 0 and time[q] > time[best]:
-                        break
-                    value = _path_offset(time, fixed, sigma, acceleration, p, last, q)
-                    if value <= 1.0 and (best < 0 or value < offset):
-                        best, offset = q, value
-                if best < 0:
+            last, n, third, offset = later[start], 2, -1, 0.0
+            chain[0], chain[1], trial[0], trial[1] = p, last, p, last
+            for k in range(begin[last], begin[last + 1]):
+                q = later[k]
+                if third >= 0 and time[q] > time[third]:
                     break
-                chain[n] = best
-                n += 1
+                value = _path_offset(time, fixed, sigma, acceleration, p, last, q)
+                if value > 1.0:
+                    continue
+                trial[2] = q
+                longer = _grown(time, fixed, sigma, begin, later, trial, 3, work)
+                if longer > n or (longer == n and value < offset):
+                    n, third, offset = longer, q, value
+                    chain[:n] = trial[:n]
             for i in range(n):
                 k = begin[chain[i]]
                 for m in range(i + 1, n):
@@ -222,14 +304,22 @@ def _chains(time, fixed, sigma, begin, later, acceleration, least):
             if n < least:
                 continue
             if total + n > members.size or count == size.size:
-                longer = np.empty(2 * (total + n), np.int64)
+                longest = np.empty(2 * (total + n), np.int64)
                 sizes = np.empty(2 * count + 64, np.int64)
-                longer[:total], sizes[:count] = members[:total], size[:count]
-                members, size = longer, sizes
+                longest[:total], sizes[:count] = members[:total], size[:count]
+                members, size = longest, sizes
             members[total : total + n] = chain[:n]
             size[count] = n
             total, count = total + n, count + 1
     return members[:total], size[:count]
+
+
+def _without_longer(members: Indices, size: Indices) -> NDArray[np.bool_]:
+    """Which chains have a detection that is in no chain of at least `_CLEARLY_LONGER` more."""
+    longest = np.zeros(members.max() + 1, dtype=np.int64)
+    np.maximum.at(longest, members, np.repeat(size, size))
+    least = np.minimum.reduceat(longest[members], np.cumsum(size) - size)
+    return least < size + _CLEARLY_LONGER
 
 
 def attributables(
