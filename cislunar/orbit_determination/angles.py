@@ -90,6 +90,15 @@ def frame_rate(forces: tuple) -> float:
     return 1.0 if isinstance(forces, CR3BP) else 0.0
 
 
+def rotate_about_z(vector: ArrayLike, angle: ArrayLike) -> Array:
+    """Vectors (..., 3) rotated about z by angles (...), rad, positive from x to y."""
+    given = np.asarray(vector, dtype=float)
+    x, y, c, s = given[..., 0], given[..., 1], np.cos(angle), np.sin(angle)
+    out = np.empty((*np.broadcast_shapes(x.shape, c.shape), 3))
+    out[..., 0], out[..., 1], out[..., 2] = c * x - s * y, s * x + c * y, given[..., 2]
+    return out
+
+
 def tangent_basis(direction: ArrayLike) -> Array:
     """Orthonormal vectors along right ascension and declination.
 

@@ -28,7 +28,7 @@ from cislunar.orbit_determination.admissible_region import (
     states_at_ranges,
 )
 from cislunar.orbit_determination.angles import frame_rate
-from cislunar.orbit_determination.tracklets import Attributables, index_pairs
+from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
 
 Array = NDArray[np.float64]
@@ -383,7 +383,9 @@ def pairs_within(tracklets: Attributables, hours: float, least_hours: float, end
     )
     until = np.searchsorted(t, t + hours * unit, side="right")
     until[end:] = 0
-    first, second = index_pairs(after, until)
+    count = np.maximum(until - after, 0)
+    first = np.repeat(np.arange(t.size), count)
+    second = after[first] + np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
     kept = np.ones(first.size, dtype=bool)
     # tracklets of one observer may share a detection if the later one begins before the other ends
     last = np.array([rows.max() for rows in tracklets.detections] or [0])

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from cislunar.detection.process import DetectionProcess
 from cislunar.errors import ConfigurationError
-from cislunar.orbit_determination.tracklet_settings import TrackletSettings
+from cislunar.orbit_determination.tracklets.settings import TrackletSettings
 from cislunar.runtime.settings_fields import (
     Count,
     NotNegative,

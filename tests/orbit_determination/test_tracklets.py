@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from nights import HOUR, OBJECTS, OBSERVERS, SIGMA, night
+from scipy.stats import chi2
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
@@ -60,13 +61,32 @@ def chains(angles, settings):
     fixed = np.stack([c * x - s * y, s * x + c * y, z], axis=1)
     noise = np.sqrt(np.trace(angles.covariance, axis1=1, axis2=2))
 
-    def continues(p, q, row):
+    def bent(p, q, row):
         span = angles.time[[row, q]] - angles.time[p]
         line = fixed[p] + (fixed[q] - fixed[p]) * span[0] / span[1]
         allowed = 0.5 * bend * span[0] * (span[0] - span[1])
         part = span[0] / span[1]
         allowed += 5.0 * np.hypot(noise[row], noise[p] * abs(1.0 - part) + noise[q] * part)
         return np.linalg.norm(fixed[row] - line) / allowed
+
+    def misfit(chain, row):
+        path = [*chain[-6:], row]
+        degree = 2 if len(path) == 4 else 3
+        x = (angles.time[path] - angles.time[row]) / np.ptp(angles.time[path])
+        design = x[:, None] ** np.arange(degree + 1) / noise[path, None]
+        value = (fixed[path] - fixed[row]) / noise[path, None]
+        left = value - design @ np.linalg.lstsq(design, value)[0]
+        return 2.0 * np.sum(left**2) / chi2.isf(1e-6, 2 * (len(path) - degree - 1))
+
+    def next_ones(chain, measure):
+        each = [(angles.time[q], measure(chain, q), q) for p, q in pairs if p == chain[-1]]
+        good = [one for one in each if one[1] <= 1.0]
+        return sorted(one for one in good if one[0] == min(good)[0])
+
+    def grown(chain):
+        while best := next_ones(chain, misfit):
+            chain = [*chain, best[0][2]]
+        return chain
 
     for observer in np.unique(angles.observer):
         rows = np.flatnonzero(angles.observer == observer).tolist()
@@ -81,18 +101,14 @@ def chains(angles, settings):
         for pair in sorted(pairs):
             if pair in used:
                 continue
-            chain = list(pair)
-            while True:
-                last = [(angles.time[q], continues(pair[0], p, q), q)
-                        for p, q in pairs if p == chain[-1]]  # fmt: skip
-                last = [each for each in last if each[1] <= 1.0]
-                if not last:
-                    break
-                chain.append(min(last)[2])
+            thirds = next_ones(list(pair), lambda chain, row: bent(*chain, row))
+            trials = [grown([*pair, row]) for *_, row in thirds]
+            chain = max(trials, key=len) if trials else list(pair)
             used |= {(p, q) for i, p in enumerate(chain) for q in chain[i + 1 :]}
             if len(chain) >= settings.least_detections:
                 found.append(chain)
-    return found
+    longest = {row: max(len(c) for c in found if row in c) for c in found for row in c}
+    return [c for c in found if min(longest[row] for row in c) < len(c) + 2]
 
 
 @pytest.mark.parametrize("least", [2, 3])
@@ -102,6 +118,22 @@ def test_tracklets_are_those_of_plain_loops(least):
     expected = chains(angles, settings)
     assert len(expected) > 2 * len(OBSERVERS) * len(OBJECTS) - 3
     assert [rows.tolist() for rows in form_tracklets(angles, settings)] == expected
+
+
+def test_objects_that_are_close_are_not_mixed():
+    """Five objects within some arc minutes, observed every ten minutes, as after a deployment."""
+    rng = np.random.default_rng(26)
+    group = OBJECTS[0] + np.concatenate([np.zeros((5, 3)), 3e-3 * rng.normal(size=(5, 3))], axis=1)
+    angles, origin = night(group, [6.0], 0.5, 27, visits=np.arange(0.0, 90.0, 10.0))
+    apart = np.linalg.norm(np.diff(angles.direction[origin >= 0], axis=0), axis=1) / SIGMA
+    assert 30.0 < np.median(apart) < 300.0
+    formed = [rows.tolist() for rows in form_tracklets(angles)]
+    assert formed == chains(angles, TrackletSettings())
+    of_objects = [origin[rows] for rows in formed if np.all(origin[rows] >= 0)]
+    whole = [each for each in of_objects if np.ptp(each) == 0 and each.size == 9]
+    assert len(whole) == len(group) * len(OBSERVERS)
+    mixed = [each.size for each in of_objects if np.ptp(each) > 0]
+    assert len(mixed) < 0.2 * len(whole), mixed
 
 
 def test_attributables_are_fits_of_polynomials():
