@@ -240,7 +240,7 @@ def catalog_state(
     maneuvered : array_like of bool, shape (object,), optional
         Which objects have maneuvered so far; none if omitted.
     known : array_like of int, shape (known,)
-        Objects that have been known for `QualitySettings.known_days`.
+        Objects that had a right orbit `QualitySettings.known_days` before.
     """
     given, n = np.asarray(origin), tracklets.size
     findable = tracklets >= settings.findable_tracklets

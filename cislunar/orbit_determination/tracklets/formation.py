@@ -2,9 +2,10 @@
 
 Two detections of one observer form a pair if their separation in time, their angular rate and their
 difference of magnitude are within the settings. A third detection has to be near the straight path
-of the pair on the sky, and each further one on the smooth path of the detections before it. A
-detection may be in several tracklets; linking chooses among them. A tracklet is left out if each of
-its detections is in a tracklet that has two more, since shorter paths agree by chance more often.
+of the pair on the sky, and each further one on the smooth path of the detections before it; each
+also forms a pair with the one before it. A detection may be in several tracklets; linking chooses
+among them. A tracklet is left out if each of its detections is in a tracklet with at least two more
+detections, since short chance alignments are more frequent.
 """
 
 import numpy as np
@@ -21,13 +22,13 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _PATH_LENGTH = 7
-"""Detections to whose path another one of a tracklet has to fit, itself included."""
+"""Number of detections in the path to which a further one is fitted, itself included."""
 
 _PATH_LIMITS = (*[np.inf] * 4, *(float(chi2.isf(1e-6, n)) for n in (2, 2, 4, 6)))
-"""Largest chi squared of a path of so many detections: a parabola through four, else a cubic."""
+"""Largest chi squared by the number of detections: a parabola for four, a cubic for more."""
 
 _CLEARLY_LONGER = 2
-"""How many more detections those tracklets have that may replace another one."""
+"""Least excess of detections of a tracklet that may replace another one."""
 
 
 def form_tracklets(
@@ -46,17 +47,17 @@ def form_tracklets(
     Returns
     -------
     list of ndarray of int
-        Rows of the angles, at least `least_detections` each, in order of time; no tracklet contains
-        another.
+        Rows of the angles, at least `least_detections` each, in order of time. Tracklets that are
+        longer than `largest_span_min` are divided into parts; before, none contains another.
 
     Notes
     -----
     The third detection may deviate from the straight path by half of
-    `largest_acceleration_arcsec_s2` times the product of the times since the two others, and by
-    five standard deviations. A further one is accepted if the last six detections and it fit a
-    cubic of time, or the first four a parabola, at a significance of 1e-6. Of several detections at
-    the time of the third one, the one that leads to the longest tracklet is taken; of several
-    further ones, the one that fits best.
+    `largest_acceleration_arcsec_s2` times the product of the times since the two others, plus five
+    standard deviations. A further one is accepted if it and up to six detections before it fit a
+    cubic of time (a parabola for the fourth one) at a significance of 1e-6. Of several detections
+    at the time of the third one, the one that leads to the longest tracklet is taken; of several
+    further ones at one time, the one that fits best.
     """
     settings = TrackletSettings() if settings is None else settings
     gap = settings.largest_gap_min * 60.0 / TIME_UNIT_S
@@ -234,7 +235,7 @@ def _chains(time, fixed, sigma, begin, later, acceleration, least):
 
 
 def _without_longer(members: Indices, size: Indices) -> NDArray[np.bool_]:
-    """Which chains have a detection that is in no chain of at least `_CLEARLY_LONGER` more."""
+    """Which chains have a detection that is in no chain with `_CLEARLY_LONGER` more detections."""
     longest = np.zeros(members.max() + 1, dtype=np.int64)
     np.maximum.at(longest, members, np.repeat(size, size))
     least = np.minimum.reduceat(longest[members], np.cumsum(size) - size)
