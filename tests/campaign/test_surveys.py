@@ -240,6 +240,15 @@ def test_the_table_has_means_over_realizations(found):
     assert table["label"].unique().tolist() == ["usual", "ephemeris"]
 
 
+def test_intervals_of_numbers_of_objects_are_possible(found):
+    surveys, rows = found
+    several = {
+        "usual": [each.assign(right=n) for each, n in zip(rows["usual"], (3, 1), strict=True)]
+    }
+    table = catalog_rows({"usual": surveys["usual"]}, several, 3.0).set_index("quantity")
+    assert table.loc["right", ["mean", "low", "high"]].tolist() == [2, 0, 3]
+
+
 def test_a_label_is_the_name_of_a_survey_in_table_and_figure(found):
     surveys, rows = found
     label = {"label": "all objects, no false alarms"}

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+import pandas as pd
+
 from .columns import Tables, stated
 from .markdown import markdown_table
 
@@ -99,6 +101,24 @@ _COLUMNS = (
 """Columns of the table, from left to right."""
 
 
+_HEADLINE_SURVEYS = ("everything", "three-days", "week", "without-follow-up", "published-sweep")
+"""Surveys of the headline, from top to bottom, each at its end."""
+
+_HEADLINE = (
+    "findable", "right", "custody", "duplicate", "wrong_share", "nees_ballistic", "covered",
+)  # fmt: skip
+"""Quantities of the columns of the headline."""
+
+
+def _headline(tables: Tables) -> dict[str, str]:
+    """Quality of the catalogs with all effects and of the baselines, at the end."""
+    table = tables["survey"]
+    ends = [own[own["day"] == own["day"].max()]
+            for own in (table[table["survey"] == name] for name in _HEADLINE_SURVEYS)]  # fmt: skip
+    kept = pd.concat(ends)
+    return _surveys("survey", {"survey": kept[kept["quantity"].isin(_HEADLINE)]})
+
+
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
     rows, there = [], {*tables[study]["quantity"]}
@@ -118,4 +138,5 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
 CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {
     study: {study: partial(_surveys, study)} for study in STUDIES
 }
+CATALOG_BLOCKS["survey"]["survey-headline"] = _headline
 """What makes each block, by study and name."""

@@ -39,6 +39,9 @@ _SHARES = {
 }  # fmt: skip
 """Shares, and what they are of."""
 
+_OBJECTS = ("detected", "findable", "right")
+"""Numbers of objects."""
+
 _SIGNED = ("right_difference", "search_cost")
 
 _PLACE = (
@@ -132,6 +135,8 @@ def _interval(quantity: str, values: NDArray[np.float64], rows: pd.DataFrame) ->
     if quantity in _SIGNED:
         return found
     most = 1.0 if quantity == "purity" or quantity.startswith("completeness") else np.inf
+    if quantity in _OBJECTS:
+        most = float(rows["objects"].max())
     return found._replace(low=max(found.low, 0.0), high=min(found.high, max(most, found.mean)))
 
 
