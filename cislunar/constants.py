@@ -20,7 +20,7 @@ GM_MOON_KM3_S2: float = 4_902.8001
 """Gravitational parameter of the Moon, km^3/s^2."""
 
 TIME_UNIT_S: float = sqrt(LENGTH_UNIT_KM**3 / (_GM_EARTH_KM3_S2 + GM_MOON_KM3_S2))
-"""Characteristic time t* = 1/n of the two-body problem with l* and both masses, s (375 190.3)."""
+"""Characteristic time t* = 1/n of the two-body problem with l* and both masses, s (375,190.3)."""
 
 GM_UNIT_KM3_S2: float = LENGTH_UNIT_KM**3 / TIME_UNIT_S**2
 """Unit of gravitational parameters in these units, km^3/s^2."""

@@ -151,7 +151,7 @@ def hyperopt_search(
     labels : str
         Encoding of an orbit, see `cislunar.architecture.search_space`.
     max_evaluations : int
-        Largest number of evaluations (paper: 10 000).
+        Largest number of evaluations (paper: 10,000).
     early_stop : int or None
         Stop after this number of consecutive evaluations without an improvement beyond rounding
         (`cislunar.architecture.objective.IMPROVES`; paper: 500); None = never.

@@ -23,7 +23,7 @@ from cislunar.errors import ConfigurationError
 CALM_STEP = 7e-3
 """Largest step of Dormand-Prince 5(4) relative to the time scale sqrt(d^3 / mass) of a primary.
 
-With steps of 60 s it is reached 7 100 km from the Moon and 31 000 km from the Earth.
+With steps of 60 s it is reached 7,100 km from the Moon and 31,000 km from the Earth.
 """
 
 

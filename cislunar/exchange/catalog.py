@@ -3,7 +3,7 @@
 The columns are ``Id, x0 (LU), y0 (LU), z0 (LU), vx0 (LU/TU), vy0 (LU/TU), vz0 (LU/TU), Jacobi
 constant (LU2/TU2), Period (TU), Stability index, Mass ratio``; others are ignored. The
 nondimensional numbers are used unchanged. A length in km or a period in days therefore differs from
-JPL's, because l* = 384 400 km here and 389 703 km at JPL. JPL's mass ratio exceeds this library's
+JPL's, because l* = 384,400 km here and 389,703 km at JPL. JPL's mass ratio exceeds this library's
 by 6e-7, so that a row is periodic at its own mass ratio and nearly periodic at this library's.
 """
 

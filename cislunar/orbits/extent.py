@@ -74,7 +74,7 @@ CATALOG_EXTENT = Extent(
 The ends are those of the JPL three-body periodic orbit catalog for the butterflies, dragonflies, L1
 halos and L3 Lyapunov orbits, and three rows short of it for the L3 halos. The other families end at
 the surface of the Moon; `cislunar.orbits.catalog` follows more of them. The L1 and L3 halos then
-envelop the Moon and the Earth at spacings near 30 000 km (Paul & Fan, section 3).
+envelop the Moon and the Earth at spacings near 30,000 km (Paul & Fan, section 3).
 """
 
 

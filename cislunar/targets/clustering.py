@@ -6,7 +6,7 @@ multiplicity as weight, which is the same problem with a third of the rows.
 
 The default seeding is scikit-learn's greedy variant of k-means++ (Arthur & Vassilvitskii 2007),
 which tries ``2 + log(k)`` candidates for each center and keeps the best. For ten thousand clusters
-of 76 000 distinct points the seeding takes 24 s of one core and the iterations 35 s; plain
+of 76,000 distinct points the seeding takes 24 s of one core and the iterations 35 s; plain
 k-means++ (one candidate) takes 6 s and 31 s and ends with 1.3 times the inertia, and random points
 end with 47 times, because most points are concentrated around the Moon
 (``benchmarks/clustering.py``).

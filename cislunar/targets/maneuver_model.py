@@ -18,7 +18,7 @@ class DrawnManeuvers(Section):
         "smallest change of velocity; its logarithm is uniform between smallest and largest, and "
         "its direction isotropic", "m/s")
     largest_m_s: number(gt=0, le=1000) = setting(
-        "largest change of velocity; up to the escape speed from Earth and Moon 800 000 km away",
+        "largest change of velocity; up to the escape speed from Earth and Moon 800,000 km away",
         "m/s")
     interval_hours: Positive | None = setting(
         "time between the maneuvers of a target, the first of which is uniform within the first "

@@ -127,7 +127,7 @@ def objects_outside_families(
         Number of objects; kinds are equally frequent.
     days : float
         Time after the epoch within which no object comes nearer than 100 km to the surface of the
-        Earth or the Moon, or leaves a sphere of 700 000 km about the barycenter, in the CR3BP.
+        Earth or the Moon, or leaves a sphere of 700,000 km about the barycenter, in the CR3BP.
     forces : EphemerisForces, optional
         Ephemeris dynamics, from whose epoch on the altitudes are checked as well.
 

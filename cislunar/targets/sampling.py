@@ -7,9 +7,9 @@ details. The choices made here are settings of `SamplingSettings`;
 Outer cap
     Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
     forbidden. Points therefore stay within `outer_radius_km` of the Earth-Moon barycenter. The
-    paper gives no cap. The default, 700 000 km, is *chosen* so that the published families and
-    counts of Scenario A give about the published J = 1.51e-4 (best members, C_d = 1; 500 000 km
-    gives 1.9e-4, 770 000 km 1.3e-4). That agreement is no confirmation.
+    paper gives no cap. The default, 700,000 km, is *chosen* so that the published families and
+    counts of Scenario A give about the published J = 1.51e-4 (best members, C_d = 1; 500,000 km
+    gives 1.9e-4, 770,000 km 1.3e-4). That agreement is no confirmation.
 Centers
     A grid centered on a body samples only the component of that body (as far as it is part of the
     region), so that the lobes of the Moon and of the Earth are each resolved from within. A grid
@@ -21,8 +21,8 @@ Directions
 Radii
     Each ray is divided within the region (in one interval, or in several where it leaves and
     re-enters the region) into `radial_points` equal steps, with a point in the middle of each. The
-    points thus follow the surface without lying on it; a lobe of 3 700 km around the Moon is
-    resolved as well as a region of 500 000 km, and missions have about equal weight.
+    points thus follow the surface without lying on it; a lobe of 3,700 km around the Moon is
+    resolved as well as a region of 500,000 km, and missions have about equal weight.
     `radial_step_km` sets the length of the steps instead (at least one per ray), so that large
     regions have more weight.
 Bodies

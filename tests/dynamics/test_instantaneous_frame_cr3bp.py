@@ -55,7 +55,7 @@ def _stepped(step, forces, state):
 def test_low_lunar_orbits_are_identified():
     assert is_low_lunar([HALO, LOW]).tolist() == [False, True]
     faster = LOW.copy()
-    faster[5] *= 1.38  # an apolune beyond 30 000 km
+    faster[5] *= 1.38  # an apolune beyond 30,000 km
     assert not is_low_lunar(faster)
 
 

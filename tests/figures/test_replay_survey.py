@@ -126,7 +126,7 @@ def test_a_survey_is_exported_as_a_cell_is(surveyed, tmp_path):
 
 
 def test_a_day_of_202_objects_is_a_small_file():
-    """With 10 further orbits, 120 000 detections, and objects that are cataloged at some time."""
+    """With 10 further orbits, 120,000 detections, and objects that are cataloged at some time."""
     replay, rng, count = made_up(288, 212, 20, 300.0), np.random.default_rng(2), 120_000
     direction = rng.normal(size=(count, 3))
     seen = ReplayDetections(

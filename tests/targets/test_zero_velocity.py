@@ -42,7 +42,7 @@ def lobe_radius(jacobi, body, towards):
 
 
 def test_radii_of_the_lobes():
-    """Lunar and terrestrial lobes towards L1, km: published orders 24 000 to 3 700 and 270 000."""
+    """Lunar and terrestrial lobes towards L1, km: published orders 24,000 to 3 700 and 270,000."""
     for jacobi, moon, earth in [
         (3.35, 24190, 273500),
         (3.71, 12370, 229600),

@@ -119,6 +119,28 @@ def _headline(tables: Tables) -> dict[str, str]:
     return _surveys("survey", {"survey": kept[kept["quantity"].isin(_HEADLINE)]})
 
 
+def _observers(tables: Tables) -> dict[str, str]:
+    """Right orbits after a day, by the numbers of observers and objects."""
+    table = tables["survey"]
+    counted = table["survey"].str.fullmatch(r"everything|(observers|objects)(-\d+)+")
+    table = table[counted & (table["day"] == 1.0)]
+    table = table.assign(observers=table["architecture"].str.extract(r"(\d+)$")[0].astype(int))
+    rows = []
+    for observers, own in table.groupby("observers"):
+        right, custody = (own[own["quantity"] == name].sort_values("targets").itertuples()
+                          for name in ("right", "custody"))  # fmt: skip
+        rows.append([
+            observers,
+            *(f"{row.mean:.0f}" + f" ({row.smallest:.0f} to {row.largest:.0f})" * (row.seeds > 1)
+              for row in right),
+            *(f"{100.0 * row.mean:.0f}" for row in custody),
+        ])  # fmt: skip
+    numbers = [f"{targets:,d}" for targets in sorted(table["targets"].unique())]
+    header = ["Observers", *(f"Right orbits of {each} objects" for each in numbers),
+              *(f"In custody of the findable of {each} (%)" for each in numbers)]  # fmt: skip
+    return {"table": markdown_table(header, rows)}
+
+
 def _surveys(study: str, tables: Tables) -> dict[str, str]:
     """Quality of the catalog of every survey, by days."""
     rows, there = [], {*tables[study]["quantity"]}
@@ -138,5 +160,5 @@ def _surveys(study: str, tables: Tables) -> dict[str, str]:
 CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {
     study: {study: partial(_surveys, study)} for study in STUDIES
 }
-CATALOG_BLOCKS["survey"]["survey-headline"] = _headline
+CATALOG_BLOCKS["survey"] |= {"survey-headline": _headline, "survey-observers": _observers}
 """What makes each block, by study and name."""

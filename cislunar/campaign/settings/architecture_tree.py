@@ -167,7 +167,7 @@ class Search(Section):
         "number of distinct orbits of an architecture", paper="10")
     max_satellites: whole(ge=1, le=90) = setting(
         "maximum number of satellites on an orbit", paper="10")
-    max_evaluations: Count = setting("maximum number of evaluations of a search", paper="10 000")
+    max_evaluations: Count = setting("maximum number of evaluations of a search", paper="10,000")
     early_stop: Count = setting(
         "number of evaluations without improvement after which a search ends", paper="500")
     labels: Labels = setting(

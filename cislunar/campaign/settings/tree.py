@@ -345,7 +345,7 @@ class Surroundings(Section):
 class Scenario(Partial):
     targets: whole(ge=1, le=10_000_000) = setting(
         "number of clusters (static targets) of the scenario",
-        paper="A 100, B 2 000, C 10 000", default=None)
+        paper="A 100, B 2,000, C 10,000", default=None)
     static_targets: Text = setting(
         "table of static targets in place of `targets` (columns `id`, `x`, `y`, `z` or `x_km`, "
         "`y_km`, `z_km`; see `cislunar/targets/tables.py`)", "path", default=None)
