@@ -42,14 +42,17 @@ _COLUMNS = (
     Column("Linked of findable (%)", "linked_share", ".1f", 100.0,
            terms="Linked: findable objects for which most detections of some orbit, confirmed or "
            "not, are detections of the object."),
-    Column("Right of findable (%)", "completeness", ".1f", 100.0),
-    Column("inside of the families (%)", "completeness_inside", ".1f", 100.0,
-           terms="Inside and outside of the families: right orbits of the findable objects of "
-           "each group."),
-    Column("outside (%)", "completeness_outside", ".1f", 100.0),
+    Column("Right of findable (%)", "completeness", ".1f", 100.0,
+           terms="Right of findable: share of the findable objects that have a right orbit."),
+    Column("Right of findable inside of the families (%)", "completeness_inside", ".1f", 100.0,
+           terms="Inside of the families: share of the findable objects on orbits of the moving "
+           "targets. Outside of the families: share of those on no orbit of the moving targets or "
+           "of the observers."),
+    Column("Right of findable outside of the families (%)", "completeness_outside", ".1f", 100.0),
     Column("Right orbits", "right", ".0f",
            terms="Right orbits: confirmed, within 500 km of the object at the last detection."),
-    Column("Right orbits, difference to the first survey", "right_difference", "+.0f"),
+    Column("Right orbits, difference to the survey of the first row", "right_difference", "+.0f",
+           terms="Difference: in the same realizations, if both surveys have the same objects."),
     Column("Duplicates", "duplicate", ".1f",
            terms="Duplicates: further confirmed orbits of an object with a right orbit."),
     Column("Wrong of confirmed (%)", "wrong_share", ".2f", 100.0,
@@ -58,8 +61,8 @@ _COLUMNS = (
     Column("Purity (%)", "purity", ".2f", 100.0,
            terms="Purity: share of the detections in confirmed orbits that belong to the object "
            "of the orbit."),
-    Column("Maneuvering (%)", "completeness_maneuvering", ".1f", 100.0,
-           terms="Maneuvering: right orbits of the findable objects that have maneuvered."),
+    Column("Right of findable that have maneuvered (%)", "completeness_maneuvering", ".1f", 100.0,
+           terms="Have maneuvered: before the time of the table."),
     Column("In custody (%)", "custody", ".1f", 100.0,
            terms="In custody: findable objects with a confirmed orbit within 10 km of the object "
            "at the time of the table."),
@@ -71,8 +74,8 @@ _COLUMNS = (
            "detection."),
     Column("NEES, no maneuver so far", "nees_ballistic", ".2f",
            terms="No maneuver so far: of the objects that have not maneuvered."),
-    Column("NEES now, no maneuver so far", "nees_now_ballistic", ".2f",
-           terms="NEES now: at the time of the table."),
+    Column("NEES at the time of the table, no maneuver so far", "nees_now_ballistic", ".2f",
+           terms="NEES at the time of the table: of predicted orbits within 500 km of the object."),
     Column("Error of known objects (km)", "error_known_km", ".2f",
            terms="Error of known objects: geometric mean of the position errors, at the time of "
            "the table, of the objects that had a right orbit a day before; objects lost "
@@ -90,13 +93,13 @@ _COLUMNS = (
     Column("Spin period determined (%)", "period_determined", ".1f", 100.0,
            terms="Spin period determined: share of the characterized orbits."),
     Column("True spin period within its interval (%)", "period_covered", ".1f", 100.0),
-    Column("Half width of that interval (%)", "period_half_width", ".1f", 100.0,
+    Column("Half width of the interval of the spin period (%)", "period_half_width", ".1f", 100.0,
            terms="True spin period within its interval, and half width: of the determined "
            "periods."),
-    Column("True amplitude within (%)", "amplitude_covered", ".1f", 100.0),
-    Column("True area times albedo within (%)", "area_albedo_covered", ".1f", 100.0,
-           terms="True amplitude and area times albedo within: share of the characterized orbits "
-           "whose 95 % interval contains the true value."),
+    Column("True amplitude within its interval (%)", "amplitude_covered", ".1f", 100.0),
+    Column("True area times albedo within its interval (%)", "area_albedo_covered", ".1f", 100.0,
+           terms="True amplitude and area times albedo within their intervals: share of the "
+           "characterized orbits whose 95 % interval contains the true value."),
 )  # fmt: skip
 """Columns of the table, from left to right."""
 
