@@ -42,7 +42,7 @@ rule sweep_table:
         "../scripts/sweep_table.py"
 
 
-rule sweep_figure:
+use rule result as sweep_figure with:
     input:
         rules.sweep_table.output[0],
     output:
@@ -50,14 +50,10 @@ rule sweep_figure:
     log:
         log_of("figures/sweep_{sweep}"),
         times=benchmark_of("sweep_figure/{sweep}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.search.sweep_figure",
     message:
         "Drawing the sweep {wildcards.sweep}"
-    script:
-        "../scripts/result.py"
 
 
 # Association against known identities, over all sweeps of a study.
