@@ -151,24 +151,22 @@ use rule result as flown_orbits with:
         "{wildcards.scenario})"
 
 
-rule tracking_summary:
+use rule result as tracking_summary with:
     input:
-        lambda wildcards: [results(cell.path) for cell in EXTENTS[wildcards.extent]],
+        cells=lambda wildcards: [results(cell.path) for cell in EXTENTS[wildcards.extent]],
     output:
         results("task2/{extent}summary.nc"),
     log:
         log_of("task2/{extent}summary"),
         times=benchmark_of("tracking_summary/{extent}cells"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.summary_dataset",
+        metrics=True,
         cells=lambda wildcards: list(map(tuple, EXTENTS[wildcards.extent])),
         settings=settings("task2"),
         seed=config["seed"],
     message:
         "Computing the statistics of every cell"
-    script:
-        "../scripts/tracking_summary.py"
 
 
 rule tracking_tables:
@@ -224,21 +222,18 @@ use rule result as objective_ranks with:
         "Ranking objectives by the tracking of their architectures"
 
 
-rule model_error_table:
+use rule result as model_error_table with:
     input:
         SUMMARY,
     output:
         table_file("model_error"),
     log:
         log_of("tables/model_error"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.model_error_rows",
         settings=settings("task2"),
     message:
         "Writing the table of model errors"
-    script:
-        "../scripts/model_error.py"
 
 
 rule tasking_comparison_cell:
