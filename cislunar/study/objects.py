@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.campaign.settings.observing.sensors import sensor_change
+from cislunar.campaign.settings.cell_settings import sensor_change
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError, did_you_mean, known_keys
 from cislunar.exchange.inertial import Epoch, rotating_state_at
