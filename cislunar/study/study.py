@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -383,9 +383,7 @@ def _check_single(seeds: int) -> None:
 @contextmanager
 def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
     """Show progress on the terminal if no logging is configured, and that of compilation."""
-    with ExitStack() as stack:
-        stack.enter_context(shown())
-        stack.enter_context(announced(tracking_files(settings, estimator)))
+    with shown(), announced(tracking_files(settings, estimator)):
         yield
 
 
