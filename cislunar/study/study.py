@@ -26,7 +26,7 @@ from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.tracking_checks import require_consistent
 from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loop
-from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.dataset import SETTING_KEYS, cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import CislunarError, ConfigurationError
@@ -55,14 +55,7 @@ from cislunar.tasking.detection_outcomes import SettingNames
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NAMES = SettingNames(
-    limit="sensor.limiting_magnitude",
-    body="material and body",
-    irradiance="photometry.irradiance",
-    sphere="tasking.diffuse_reflection_coefficient",
-    exclusion="sensor.exclusion_deg",
-    interval="interval_minutes",
-)
+_NAMES = SettingNames(*(name.replace("task2.", "") for name in SETTING_KEYS))
 """Names of settings in warnings."""
 
 _WORDS = {
