@@ -120,22 +120,19 @@ use rule target_counts_figure as high_load_figure with:
         "Drawing every target by tasking interval, more targets than observers"
 
 
-rule representative_target_figure:
+use rule result as representative_target_figure with:
     input:
-        lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
+        cells=lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
     output:
         **figure_files("fig08_representative_target{of}", "representative_target"),
     log:
         log_of("figures/representative_target{of}"),
         times=benchmark_of("representative_target_figure/figure{of}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="figures.tracking.representative_target_figure",
         cells=lambda wildcards: list(map(tuple, HIGH_LOAD_ENDS[wildcards.of])),
     message:
         "Drawing the errors of one target for two tasking intervals"
-    script:
-        "../scripts/figure_representative_target.py"
 
 
 use rule result as against_targets_figure with:
