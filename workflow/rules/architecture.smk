@@ -129,7 +129,6 @@ use rule result as design with:
     log:
         log_of("architecture/{scenario}/{design}"),
         times=benchmark_of("design/{scenario}_{design}"),
-    threads: 1
     resources:
         mem_mb=2000,
     params:
@@ -157,7 +156,6 @@ use rule result as objective_front with:
         log_of("architecture/{scenario}/fronts/{front}"),
         times=benchmark_of("objective_front/{scenario}_{front}"),
     priority: 5
-    threads: 1
     resources:
         mem_mb=2000,
     params:

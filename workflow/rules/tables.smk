@@ -101,7 +101,6 @@ use rule result as generalization_table with:
     log:
         log_of("tables/objectives_generalization_{scenario}"),
         times=benchmark_of("generalization_table/{scenario}"),
-    threads: 1
     resources:
         mem_mb=2000,
     params:

@@ -252,7 +252,6 @@ rule tasking_comparison_cell:
     priority: 6
     conda:
         "../envs/cislunar.yaml"
-    threads: 1
     params:
         settings=comparison_settings,
         comparison=COMPARED,
