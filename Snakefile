@@ -13,6 +13,7 @@ configfile: "config/variants.yaml"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/result.smk"
 include: "workflow/rules/ephemeris.smk"
 include: "workflow/rules/orbits.smk"
 include: "workflow/rules/targets.smk"

@@ -11,14 +11,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import DATE_SYSTEM
 from cislunar.errors import InputFileError
 from cislunar.exchange import key_values as kvn
-from cislunar.runtime.arguments import UNIT_NORM, array_of, require_unit
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import UNIT_NORM, Array, array_of, require_unit
 
 BODY = "SC_BODY_1"
 """Name of the body frame of the only body."""

@@ -4,7 +4,7 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.ephemeris import UNITS
@@ -21,8 +21,7 @@ from cislunar.exchange.inertial import (
 )
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array
 
 COMMENTS = (
     "States of the circular restricted three-body problem of Earth and Moon,",

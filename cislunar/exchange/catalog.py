@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import MU
 from cislunar.errors import InputFileError
 from cislunar.exchange.table_rows import named_rows, row_names, row_numbers
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array
 
 COLUMNS = (
     *("x0 (LU)", "y0 (LU)", "z0 (LU)", "vx0 (LU/TU)", "vy0 (LU/TU)", "vz0 (LU/TU)"),

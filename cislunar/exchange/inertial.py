@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.frames import BARYCENTER
@@ -27,9 +27,7 @@ from cislunar.errors import CislunarError
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.exchange.table_rows import check_state
-from cislunar.runtime.arguments import require_choice
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, require_choice
 
 _PLACES = {"earth": -MU, "moon": 1.0 - MU, BARYCENTER: 0.0}
 """Positions of the origins on the x axis, nondimensional."""

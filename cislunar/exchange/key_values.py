@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.dynamics.frames import BARYCENTER
 from cislunar.ephemeris.time_scales import (
@@ -24,8 +24,8 @@ from cislunar.ephemeris.time_scales import (
 )
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange.table_rows import read_number
+from cislunar.runtime.arguments import Array
 
-Array = NDArray[np.float64]
 Lines = list[tuple[int, str]]
 """Lines of a message without blanks and comments, with their numbers."""
 

@@ -18,8 +18,7 @@ from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.key_values import dates
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array
 
 REQUIRED = ("stn", "obsTime", "ra", "dec")
 """Columns of every table of observations."""

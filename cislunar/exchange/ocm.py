@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import key_values as kvn
 from cislunar.exchange.oem import Segment, require_units
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array
 
 _PREFIX = "USER_DEFINED_"
 _INCREMENT = ("DV_X", "DV_Y", "DV_Z")

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import KroghInterpolator
 
 from cislunar.constants import DATE_SYSTEM
@@ -17,8 +16,7 @@ from cislunar.ephemeris.time_scales import clock_text
 from cislunar.errors import InputFileError
 from cislunar.exchange import key_values as kvn
 from cislunar.exchange.table_rows import read_number
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array
 
 _REQUIRED = (
     *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME"),

@@ -10,7 +10,6 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import (
     EARTH_RADIUS_KM,
@@ -22,8 +21,8 @@ from cislunar.constants import (
 )
 from cislunar.dynamics.bounds import check_period, check_position, check_velocity
 from cislunar.errors import ConvergenceError, InputFileError
+from cislunar.runtime.arguments import Array
 
-Array = NDArray[np.float64]
 Quantity = tuple[tuple[str, ...], tuple[str, ...], float]
 """Columns of a quantity, nondimensional and practical, and its unit in the practical one."""
 Columns = tuple[tuple[str, ...], float]

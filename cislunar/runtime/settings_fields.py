@@ -141,11 +141,11 @@ def _shown_default(field: FieldInfo) -> Any:
     """Default of an argument in help; that of the paper if there is no other."""
     if not field.is_required():
         return field.default
-    extra, kind = field.json_schema_extra, field.annotation
+    kind = field.annotation
     if isinstance(kind, type) and issubclass(kind, Section):
         return _OfPaper(kind)
-    paper = extra.get("paper") if isinstance(extra, dict) else None
-    return Parameter.empty if paper is None or isinstance(paper, str) else paper
+    paper = _of_paper(field)
+    return Parameter.empty if paper is None else paper
 
 
 def _of_paper(field: FieldInfo) -> Any:

@@ -99,17 +99,13 @@ def shown(value: Any) -> str:
     return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
 
 
-def _join(place: str, *keys: Any) -> str:
-    return ".".join(str(key) for key in (place, *keys) if key != "")
+def _join(*keys: Any) -> str:
+    return ".".join(str(key) for key in keys if key != "")
 
 
-def unreadable(value: Any, place: str = "") -> Iterator[str]:
-    """A line for each number that is not finite, and each text that can be no part of a name."""
-    return _unreadable(value, (place,))
-
-
-def _unreadable(value: Any, path: tuple[Any, ...]) -> Iterator[str]:
-    """The same for a value of which the keys are known; a fault alone needs them as one text."""
+def unreadable(value: Any, *path: Any) -> Iterator[str]:
+    """A line for each number that is not finite, and each text that can be no part of a name, in
+    the value of the configuration at a path of keys."""
     if isinstance(value, str):
         if not (value.isprintable() and len(value) <= _LONGEST_TEXT):
             yield (
@@ -122,13 +118,13 @@ def _unreadable(value: Any, path: tuple[Any, ...]) -> Iterator[str]:
     elif isinstance(value, Mapping):
         for key, part in value.items():
             if isinstance(key, str) and key.isprintable():
-                yield from _unreadable(part, (*path, key))
+                yield from unreadable(part, *path, key)
             else:
                 place = _join(*path) or "the configuration"
                 yield f"unknown configuration key {shown(key)} in {place!r}"
     elif isinstance(value, list):
         for number, part in enumerate(value):
-            yield from _unreadable(part, (*path, number))
+            yield from unreadable(part, *path, number)
 
 
 def faults(
@@ -151,7 +147,7 @@ def faults_of_arguments(error: ValidationError, model: type[BaseModel]) -> str:
         path, reason, _ = _reason(fault, model)
         names_itself = fault["type"] == "value_error" and not path
         value = "" if fault["type"] == "missing" else f" = {fault['input']!r}"
-        lines.append(reason if names_itself else f"{_join('', *path)}{value} {reason}")
+        lines.append(reason if names_itself else f"{_join(*path)}{value} {reason}")
     return "; ".join(lines)
 
 

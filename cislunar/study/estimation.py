@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import variables
 from cislunar.campaign.tracking.records import EPHEMERIS_FRAME, RECORD_COORDINATES, ROTATING
@@ -15,6 +14,7 @@ from cislunar.observation.measurement import measure
 from cislunar.observation.records import Schedule
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, sensors_of
+from cislunar.runtime.arguments import Array
 from cislunar.runtime.progress import Progress
 from cislunar.study.messages import check_seed
 from cislunar.study.observed import Observed, Reduced, reduce_interval
@@ -22,8 +22,6 @@ from cislunar.study.results import StudyResult, sigma_columns
 from cislunar.tasking.histories import HISTORIES
 from cislunar.tasking.initial_conditions import ESTIMATOR, stream
 from cislunar.tasking.state import SimulationInputs
-
-Array = NDArray[np.float64]
 
 _ESTIMATED = (
     *("estimated_translation", "estimated_quaternion", "estimated_angular_velocity", "sigma"),
@@ -193,7 +191,7 @@ class ObservedResult(StudyResult):
         check_seed(self.cell, seed)
         return self.study.observations
 
-    def _observed(self) -> tuple[Array, dict[str, tuple]]:
+    def _observed(self) -> tuple[Array, dict[str, Any]]:
         cell = self.cell
         names = ("observation_magnitude", "observation_used", *RESIDUALS)
         found = {name: (cell[name].dims, cell[name].values, cell[name].attrs) for name in names}

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cislunar.campaign.settings.observing.sensors import sensor_change
+from cislunar.campaign.settings.cell_settings import sensor_change
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError, did_you_mean, known_keys
 from cislunar.exchange.inertial import Epoch, rotating_state_at
@@ -27,12 +26,10 @@ from cislunar.exchange.table_rows import OWN_FAMILY
 from cislunar.orbits.families import OrbitSet
 from cislunar.orbits.observers import load_observers, observer_orbits
 from cislunar.quantities import in_kilometers, in_unit, nondimensional
-from cislunar.runtime.arguments import array_of, number_of, require_unit
+from cislunar.runtime.arguments import Array, array_of, number_of, require_unit
 from cislunar.runtime.settings_words import shown
 from cislunar.study.orbit_text import member_of, members_of, read_orbit, state_of
 from cislunar.targets.tables import check_closed_targets, load_target_states
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 721
 """Points of the path of an orbit in a figure."""

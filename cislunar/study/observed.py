@@ -29,8 +29,8 @@ from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
 from cislunar.observation.sightline import angles_of_vectors
+from cislunar.runtime.arguments import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _RMS = ("rmsMag", "rmsRA", "rmsDec")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.tracking.cell import Placement, scene_times
@@ -24,12 +23,11 @@ from cislunar.exchange.inertial import (
 )
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
+from cislunar.runtime.arguments import Array
 from cislunar.study.objects import StudyObject
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.settings import LoopSettings
 from cislunar.visibility.tracks import satellite_tracks
-
-Array = NDArray[np.float64]
 
 _PROPAGATOR = "dop853"
 

@@ -22,7 +22,8 @@ from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import STATUS_NAMES
 from cislunar.exchange.key_values import dates
-from cislunar.runtime.netcdf import write_text
+from cislunar.runtime.arguments import Array
+from cislunar.runtime.netcdf import variable, write_text
 from cislunar.runtime.settings_words import shown
 from cislunar.study.messages import CREATED, cell_messages, check_seed
 from cislunar.tasking.realization import USED
@@ -30,7 +31,6 @@ from cislunar.tasking.realization import USED
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Which = Literal["estimated", "true", "observers"]
 
 _SPEED_KM_S = LENGTH_UNIT_KM / TIME_UNIT_S
@@ -126,30 +126,30 @@ class StudyResult:
                 turned = (name, part) == ("error", "attitude")
                 scaled = _rotation_deg(values) if turned else values * factor
                 described = (*rows, "axis"), scaled, unit, f"{part}: {words}"
-                found[f"{part}_{name}"] = labeled(*described)
+                found[f"{part}_{name}"] = variable(*described)
         for which in ("true", "estimated"):
             if f"{which}_translation" not in cell:
                 continue
             states = cell[f"{which}_translation"].values * scale
             for part, some in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
                 described = (*rows, "axis"), states[..., some], _PARTS[part][2], f"{which} {part}"
-                found[f"{which}_{part}"] = labeled(*described)
+                found[f"{which}_{part}"] = variable(*described)
             words = f"{which} attitude, inertial frame to body frame"
             values = cell[f"{which}_quaternion"].values
-            found[f"{which}_quaternion"] = labeled((*rows, "quaternion"), values, "1", words)
+            found[f"{which}_quaternion"] = variable((*rows, "quaternion"), values, "1", words)
         covariance = cell["covariance"].values * np.outer(scale, scale)
         words = "covariance of position and velocity"
         dims = (*rows, "component", "component_2")
-        found["covariance"] = labeled(dims, covariance, "km, km/s", words)
+        found["covariance"] = variable(dims, covariance, "km, km/s", words)
         if "assignment" in cell:
             given, names = cell["assignment"], np.array([*self.targets, ""])
             described = names[given.values], "1", "target of the observer; empty if it is idle"
-            found["assigned_target"] = labeled(tuple(given.dims), *described)
+            found["assigned_target"] = variable(tuple(given.dims), *described)
         elapsed, more = self._observed()
         found["observation_time"] = "observation", self.utc(elapsed), {"long_name": "date, UTC"}
         for key, own in (("target", self.targets), ("observer", self.study.observer_names)):
             values = np.array(own)[cell[f"observation_{key}"].values]
-            found[f"observation_{key}"] = labeled("observation", values, "1", f"name of the {key}")
+            found[f"observation_{key}"] = variable("observation", values, "1", f"name of the {key}")
         found |= more
         names = ["x", "y", "z", "vx", "vy", "vz"]
         coords = {
@@ -170,13 +170,13 @@ class StudyResult:
         attrs = {key: cell.attrs[key] for key in ("title", "source", "settings", "seed")}
         return xr.Dataset(found, coords, {**attrs, "frame": frame, "time_scale": "UTC"})
 
-    def _observed(self) -> tuple[Array, dict[str, tuple]]:
+    def _observed(self) -> tuple[Array, dict[str, Any]]:
         """Times of the observations, s, and their further variables."""
         cell = self.cell
         flags = np.array(cell["observation_outcome"].attrs["flag_meanings"].split())
         outcome = flags[cell["observation_outcome"].values]
-        found: dict[str, tuple] = {
-            "observation_outcome": labeled("observation", outcome, "1", "detection outcome"),
+        found: dict[str, Any] = {
+            "observation_outcome": variable("observation", outcome, "1", "detection outcome"),
             "observation_seed": ("observation", cell["observation_seed"].values, {}),
         }
         steps, given = cell["observation_step"].values, cell["observation_magnitude"]
@@ -186,7 +186,7 @@ class StudyResult:
             ("right_ascension", ra, "deg", "measured right ascension, ICRF, without light time"),
             ("declination", dec, "deg", "measured declination, ICRF, without light time"),
         ):
-            found[f"observation_{key}"] = labeled("observation", values, unit, words)
+            found[f"observation_{key}"] = variable("observation", values, unit, words)
         return cell["step"].values[steps], found
 
     def observations(self, seed: int = 0) -> pd.DataFrame:
@@ -336,11 +336,6 @@ class StudyResult:
             If the file cannot be written.
         """
         return self._write(".html", path, seed=seed)
-
-
-def labeled(dims: Any, values: Any, unit: str, words: str) -> tuple:
-    """A variable with its unit and meaning."""
-    return dims, values, {"units": unit, "long_name": words}
 
 
 def sigma_columns(sigma: Array) -> dict[str, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.tracking_checks import require_consistent
 from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loop
-from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.dataset import SETTING_KEYS, cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import CislunarError, ConfigurationError
@@ -55,14 +55,7 @@ from cislunar.tasking.detection_outcomes import SettingNames
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NAMES = SettingNames(
-    limit="sensor.limiting_magnitude",
-    body="material and body",
-    irradiance="photometry.irradiance",
-    sphere="tasking.diffuse_reflection_coefficient",
-    exclusion="sensor.exclusion_deg",
-    interval="interval_minutes",
-)
+_NAMES = SettingNames(*(name.replace("task2.", "") for name in SETTING_KEYS))
 """Names of settings in warnings."""
 
 _WORDS = {
@@ -383,9 +376,7 @@ def _check_single(seeds: int) -> None:
 @contextmanager
 def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
     """Show progress on the terminal if no logging is configured, and that of compilation."""
-    with ExitStack() as stack:
-        stack.enter_context(shown())
-        stack.enter_context(announced(tracking_files(settings, estimator)))
+    with shown(), announced(tracking_files(settings, estimator)):
         yield
 
 

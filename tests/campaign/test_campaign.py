@@ -18,8 +18,8 @@ from cislunar.campaign.architectures.table2 import near_optimal_rows
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import sun_dataset
 from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront, OwnInformation
+from cislunar.campaign.settings.cell_tree import SensorGroup, Station
 from cislunar.campaign.settings.checks import check_campaign
-from cislunar.campaign.settings.observing.sensor_tree import SensorGroup, Station
 from cislunar.campaign.settings.reading import RENAMED, merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
 from cislunar.campaign.settings.tree import StatedSurvey

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from campaign_folder import read_campaign
 
-from cislunar.campaign.settings.cell_settings import cell_settings
+from cislunar.campaign.settings.cell_settings import cell_settings, observer_sensors, true_sensors
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
@@ -20,7 +20,6 @@ from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import (
     loop_settings,
 )
-from cislunar.campaign.settings.observing.sensors import observer_sensors, true_sensors
 from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.settings.tracking_checks import shortened_intervals

@@ -125,7 +125,7 @@ def test_a_remedy_is_named_and_its_error_is_relative_to_the_assumed_model(task2)
 
 def test_table_compares_seed_by_seed(task2):
     summary = summary_with(["mukf"])
-    table = model_error_rows(summary, model_errors(task2))
+    table = model_error_rows(summary, {"task2": task2})
     assert list(table.columns) == ERROR_COLUMNS
     assert set(table["variant"]) == set(LEVELS)
     assert len(table) == len(LEVELS) * len(ERROR_QUANTITIES)
@@ -150,19 +150,19 @@ def test_table_compares_seed_by_seed(task2):
 
 
 def test_any_subset_of_estimators_may_be_present(task2):
-    errors = model_errors(task2)
-    both = model_error_rows(summary_with(["mukf", "batch"]), errors)
+    settings = {"task2": task2}
+    both = model_error_rows(summary_with(["mukf", "batch"]), settings)
     assert set(both.estimator) == {"mukf", "batch"}
     assert set(both[both.estimator == "batch"].variant) == set(LEVELS) - {"torque-5"}
-    alone = model_error_rows(summary_with(["batch"]), errors)
+    alone = model_error_rows(summary_with(["batch"]), settings)
     assert set(alone.estimator) == {"batch"}
-    nothing = model_error_rows(summary_with(["mukf"]).isel(cell=[1, 2]), errors)
+    nothing = model_error_rows(summary_with(["mukf"]).isel(cell=[1, 2]), settings)
     assert nothing.empty and list(nothing.columns) == ERROR_COLUMNS
 
 
 def test_curves_start_from_no_error(task2, tmp_path):
     path = tmp_path / "table.csv"
-    model_error_rows(summary_with(["mukf", "batch"]), model_errors(task2)).to_csv(path, index=False)
+    model_error_rows(summary_with(["mukf", "batch"]), {"task2": task2}).to_csv(path, index=False)
     table = pd.read_csv(path)
     slopes = curve(table, "material.rms_slope", "mukf", "coverage")
     assert slopes["size"].tolist() == [-25.0, 0.0, 10.0, 25.0]
@@ -188,7 +188,7 @@ def test_remedies_have_curves_of_their_own(task2):
         (Cell("A", "published", "mukf", 50, 60, name), cell_data(level, 0))
         for name, level in (("", 0.0), ("slope-25", 3.0), ("remedy", 1.0))
     ]
-    table = model_error_rows(summary_dataset(found, {}, 1), model_errors(task2))
+    table = model_error_rows(summary_dataset(found, {}, 1), {"task2": task2})
     plain = curve(table, "material.rms_slope", "mukf", "coverage")
     remedied = curve(table, "material.rms_slope", "mukf", "coverage", remedied=True)
     assert (plain["size"].tolist(), remedied["size"].tolist()) == ([0.0, 25.0], [25.0])
@@ -201,18 +201,17 @@ def test_remedies_have_curves_of_their_own(task2):
 
 def test_a_table_without_sizes_is_refused(task2):
     task2 = merged(task2, {})
-    table = model_error_rows(summary_with(["mukf"]), model_errors(task2))
+    table = model_error_rows(summary_with(["mukf"]), {"task2": task2})
     with pytest.raises(InputFileError, match=r"model_error\.csv.*task2\.variants\.families"):
         model_error_figure(table[table.kind == NONE])
 
 
 def test_no_text_of_the_figure_covers_another(task2):
-    errors = model_errors(task2)
     found = [
         (Cell("A", "published", "mukf", 50, 60, name), cell_data(1.0, 0))
-        for name in ("", *(error.variant for error in errors))
+        for name in ("", *(error.variant for error in model_errors(task2)))
     ]
-    figure = model_error_figure(model_error_rows(summary_dataset(found, {}, 1), errors))
+    figure = model_error_figure(model_error_rows(summary_dataset(found, {}, 1), {"task2": task2}))
     renderer = figure.canvas.get_renderer()
     figure.draw(renderer)
     texts = [*figure.texts, *(axes._left_title for axes in figure.axes)]

@@ -17,17 +17,8 @@ TABLE = "catalog"
 
 
 class Column(NamedTuple):
-    """A column of the table.
-
-    Attributes
-    ----------
-    title, quantity, format : str
-        Head of the column, quantity of the data set, and format of its numbers.
-    factor : float
-        By which the quantity is multiplied.
-    terms : str
-        Explanation for the caption.
-    """
+    """A column: its head, the quantity of the table, the format of its numbers, the factor that
+    multiplies them, and an explanation for the caption."""
 
     title: str
     quantity: str

@@ -80,12 +80,13 @@ def _results(tables: Tables) -> dict[str, Any]:
     return {
         "counts": verdict_counts(claims),
         "sections": [
-            {"heading": _heading(where), "claims": claims_list(own), "details": claims_details(own)}
+            {"heading": _heading(where), "claims": _claims_table(own, _SHORT),
+             "details": _claims_table(own, _IN_FULL)}
             for where, own in places.items()
         ],
         "architectures": architecture_list(tables["architecture"]),
         "tracking": tracking_list(tables["tracking"]),
-    }
+    }  # fmt: skip
 
 
 def _places(claims: pd.DataFrame) -> list[str]:
@@ -140,21 +141,15 @@ def verdicts_svg(claims: pd.DataFrame) -> str:
     return render("verdicts.svg", legend=legend, rows=rows, width=width)
 
 
-def claims_list(claims: pd.DataFrame) -> str:
-    """A line for each claim: the paper's value, this library's in short, the verdict."""
-    columns = {"claim": "Number or claim", "paper": "Paper", "value": "This library",
-               "verdict": "Verdict"}  # fmt: skip
-    return _claims_table(claims, columns)
-
-
-def claims_details(claims: pd.DataFrame) -> str:
-    """This library's result in full with the rule of comparison."""
-    columns = {"claim": "Number or claim", "result": "Result in full",
-               "rule": "Statistic and rule of comparison", "budget": "Search budget"}  # fmt: skip
-    return _claims_table(claims, columns)
+_SHORT = {"claim": "Number or claim", "paper": "Paper", "value": "This library",
+          "verdict": "Verdict"}  # fmt: skip
+_IN_FULL = {"claim": "Number or claim", "result": "Result in full",
+            "rule": "Statistic and rule of comparison", "budget": "Search budget"}  # fmt: skip
+"""Columns of the table of claims, and of that of their results in full."""
 
 
 def _claims_table(claims: pd.DataFrame, columns: Mapping[str, str]) -> str:
+    """A line for each claim."""
     rows = claims[list(columns)].replace("-", DASH)
     return markdown_table(list(columns.values()), rows.itertuples(index=False))
 

@@ -1,4 +1,4 @@
-rule search_run:
+use rule result as search_run with:
     input:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
@@ -8,8 +8,6 @@ rule search_run:
         log_of("architecture/{scenario}/{method}_{labels}_{run}"),
         times=benchmark_of("search_run/{method}/{scenario}_{labels}_{run}"),
     priority: 10
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.architectures.search_run_dataset",
         kernels="cislunar.campaign.kernels:KERNEL_SETS:search",
@@ -21,11 +19,9 @@ rule search_run:
         seed=config["seed"],
     message:
         "Searching with {wildcards.method}, run {wildcards.run} (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule best_run:
+use rule result as best_run with:
     input:
         runs=expand(
             results("architecture/{{scenario}}/runs/{{method}}_{labels}_{run}.nc"),
@@ -38,18 +34,14 @@ rule best_run:
         results("architecture/{scenario}/{method}.nc"),
     log:
         log_of("architecture/{scenario}/{method}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.architectures.best_run_dataset",
         early_stop=ARCHITECTURE["early_stop"],
     message:
         "Selecting the best of the {wildcards.method} runs (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule exact:
+use rule result as exact with:
     input:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
@@ -58,8 +50,6 @@ rule exact:
     log:
         log_of("architecture/{scenario}/exact"),
         times=benchmark_of("exact/{scenario}"),
-    conda:
-        "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
         function="campaign.architectures.exact_dataset",
@@ -69,11 +59,9 @@ rule exact:
         seed=config["seed"],
     message:
         "Bounding J over all architectures (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule published:
+use rule result as published with:
     input:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
@@ -82,19 +70,15 @@ rule published:
     log:
         log_of("architecture/{scenario}/published"),
         times=benchmark_of("published/{scenario}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.architectures.published_dataset",
         restarts=ARCHITECTURE["restarts"],
         seed=config["seed"],
     message:
         "Selecting members of the published families (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule own_architecture:
+use rule result as own_architecture with:
     input:
         visibility=rules.observer_visibility.output[0],
         orbits=rules.own_observers.output[0],
@@ -103,18 +87,14 @@ rule own_architecture:
     log:
         log_of("architecture/{scenario}/{observers}"),
         times=benchmark_of("own_architecture/{scenario}_{observers}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.architectures.own_dataset",
         name=lambda wildcards: wildcards.observers,
     message:
         "Evaluating the observers {wildcards.observers} (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule front:
+use rule result as front with:
     input:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
@@ -126,8 +106,6 @@ rule front:
         log_of("architecture/{scenario}/front"),
         times=benchmark_of("front/{scenario}"),
     priority: 5
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.architectures.front_dataset",
         progress="numbers of satellites",
@@ -137,11 +115,9 @@ rule front:
         seed=config["seed"],
     message:
         "Searching the best J for each number of satellites (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule design:
+use rule result as design with:
     input:
         lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
         orbits=rules.families.output[0],
@@ -153,9 +129,6 @@ rule design:
     log:
         log_of("architecture/{scenario}/{design}"),
         times=benchmark_of("design/{scenario}_{design}"),
-    conda:
-        "../envs/cislunar.yaml"
-    threads: 1
     resources:
         mem_mb=2000,
     params:
@@ -168,11 +141,9 @@ rule design:
         seed=config["seed"],
     message:
         "Searching for the design {wildcards.design} (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule objective_front:
+use rule result as objective_front with:
     input:
         lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
         orbits=rules.families.output[0],
@@ -185,9 +156,6 @@ rule objective_front:
         log_of("architecture/{scenario}/fronts/{front}"),
         times=benchmark_of("objective_front/{scenario}_{front}"),
     priority: 5
-    conda:
-        "../envs/cislunar.yaml"
-    threads: 1
     resources:
         mem_mb=2000,
     params:
@@ -200,5 +168,3 @@ rule objective_front:
         seed=config["seed"],
     message:
         "Searching the front {wildcards.front} by number of satellites (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"

@@ -1,18 +1,14 @@
-rule ephemeris:
+use rule result as ephemeris with:
     output:
         results("ephemeris/sun.nc"),
     log:
         log_of("ephemeris/sun"),
         times=benchmark_of("ephemeris"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.sun_dataset",
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
         "Sampling the Sun and the rotating frame from the ephemeris"
-    script:
-        "../scripts/result.py"
 
 
 use rule ephemeris as ephemeris_of_scenario with:
@@ -27,21 +23,17 @@ use rule ephemeris as ephemeris_of_scenario with:
         "Sampling the Sun and the rotating frame from the ephemeris (scenario {wildcards.scenario})"
 
 
-rule bodies:
+use rule result as bodies with:
     output:
         results("ephemeris/bodies.nc"),
     log:
         log_of("ephemeris/bodies"),
         times=benchmark_of("bodies"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.bodies_dataset",
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
         "Sampling Earth, Moon and Sun from the ephemeris"
-    script:
-        "../scripts/result.py"
 
 
 use rule bodies as bodies_of_scenario with:

@@ -6,20 +6,16 @@ LIBRARY_SCENARIO = min(
 RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
 
 
-rule facet_geometry_figure:
+use rule result as facet_geometry_figure with:
     output:
         **figure_files("fig01_facet_geometry", "facet_geometry"),
     log:
         log_of("figures/facet_geometry"),
         times=benchmark_of("facet_geometry_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.space.facet_geometry_figure",
     message:
         "Drawing the reflection geometry of a facet"
-    script:
-        "../scripts/result.py"
 
 
 use rule facet_geometry_figure as orbit_library_figure with:

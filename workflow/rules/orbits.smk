@@ -1,22 +1,18 @@
-rule families:
+use rule result as families with:
     output:
         results("orbits/families.nc"),
     log:
         log_of("orbits/families"),
         times=benchmark_of("families"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.families_dataset",
         progress="families",
         settings=settings("orbits"),
     message:
         "Generating the candidate observer orbits"
-    script:
-        "../scripts/result.py"
 
 
-rule own_observers:
+use rule result as own_observers with:
     input:
         path=lambda wildcards: OBSERVERS[wildcards.observers],
     output:
@@ -24,36 +20,28 @@ rule own_observers:
     log:
         log_of("orbits/observers_{observers}"),
         times=benchmark_of("own_observers/{observers}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.own_observers_dataset",
         progress="observers",
         days=longest_horizon(STUDY),
     message:
         "Reading the observers in {input}"
-    script:
-        "../scripts/result.py"
 
 
-rule tracked_targets:
+use rule result as tracked_targets with:
     output:
         results("orbits/tracked.nc"),
     log:
         log_of("orbits/tracked"),
         times=benchmark_of("tracked_targets"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.tracking.tracked_dataset",
         progress="targets",
     message:
         "Generating the orbits of the moving targets"
-    script:
-        "../scripts/result.py"
 
 
-rule own_tracked_targets:
+use rule result as own_tracked_targets with:
     input:
         path=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["tracked"],
     output:
@@ -63,8 +51,6 @@ rule own_tracked_targets:
         times=benchmark_of("own_tracked_targets/{scenario}"),
     wildcard_constraints:
         scenario=any_of(name for name, entry in STUDY["scenarios"].items() if "tracked" in entry),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.own_tracked_dataset",
         epoch=lambda wildcards, input: tracked_epoch(
@@ -72,11 +58,9 @@ rule own_tracked_targets:
         ),
     message:
         "Reading the moving targets in {input}"
-    script:
-        "../scripts/result.py"
 
 
-rule refined_orbits:
+use rule result as refined_orbits with:
     input:
         orbits=results("orbits/{orbits}.nc"),
         bodies=rules.bodies.output[0],
@@ -87,8 +71,6 @@ rule refined_orbits:
         times=benchmark_of("refined_orbits/{orbits}"),
     wildcard_constraints:
         orbits="families|tracked",
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.refined_dataset",
         progress="orbits",
@@ -99,11 +81,9 @@ rule refined_orbits:
         },
     message:
         "Refining the orbits of {wildcards.orbits} with Earth, Moon and Sun from the ephemeris"
-    script:
-        "../scripts/result.py"
 
 
-rule refined_orbits_table:
+use rule result as refined_orbits_table with:
     input:
         observers=results("orbits/refined_families.nc"),
         targets=results("orbits/refined_tracked.nc"),
@@ -111,11 +91,7 @@ rule refined_orbits_table:
         table_file("refined_orbits"),
     log:
         log_of("tables/refined_orbits"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.refined_rows",
     message:
         "Writing the table of ephemeris-refined orbits"
-    script:
-        "../scripts/result.py"

@@ -78,7 +78,7 @@ rule catalog_table:
         "../scripts/catalog_table.py"
 
 
-rule catalog_figure:
+use rule result as catalog_figure with:
     input:
         rules.catalog_table.output[0],
     output:
@@ -86,14 +86,10 @@ rule catalog_figure:
     log:
         log_of("figures/catalog"),
         times=benchmark_of("catalog_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.survey.catalog_figure",
     message:
         "Drawing the completeness of catalogs"
-    script:
-        "../scripts/result.py"
 
 
 rule catalog:

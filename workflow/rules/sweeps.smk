@@ -42,7 +42,7 @@ rule sweep_table:
         "../scripts/sweep_table.py"
 
 
-rule sweep_figure:
+use rule result as sweep_figure with:
     input:
         rules.sweep_table.output[0],
     output:
@@ -50,18 +50,14 @@ rule sweep_figure:
     log:
         log_of("figures/sweep_{sweep}"),
         times=benchmark_of("sweep_figure/{sweep}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.search.sweep_figure",
     message:
         "Drawing the sweep {wildcards.sweep}"
-    script:
-        "../scripts/result.py"
 
 
 # Association against known identities, over all sweeps of a study.
-rule association_table:
+use rule result as association_table with:
     input:
         cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
     output:
@@ -69,15 +65,13 @@ rule association_table:
     log:
         log_of("tables/association"),
         times=benchmark_of("association_table"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.association_table.association_rows",
+        metrics=True,
         cells=[tuple(cell) for cells in SWEPT_CELLS.values() for cell in cells],
         custody_km=TASK2["custody"]["position_km"],
     message:
         "Comparing association with known identities"
-    script:
-        "../scripts/association_table.py"
 
 
 use rule sweep_figure as association_figure with:
@@ -101,7 +95,7 @@ rule association:
 
 
 # Targets that maneuver, over all sweeps of a study.
-rule maneuver_table:
+use rule result as maneuver_table with:
     input:
         cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
     output:
@@ -109,15 +103,12 @@ rule maneuver_table:
     log:
         log_of("tables/maneuvers"),
         times=benchmark_of("maneuver_table"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.maneuvers.table.maneuver_rows",
         cells=[tuple(cell) for cells in SWEPT_CELLS.values() for cell in cells],
         custody_km=TASK2["custody"]["position_km"],
     message:
         "Comparing detected and estimated maneuvers with the true ones"
-    script:
-        "../scripts/maneuver_table.py"
 
 
 use rule sweep_figure as maneuver_figure with:

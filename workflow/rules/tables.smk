@@ -89,7 +89,7 @@ rule objectives_table:
         "../scripts/objectives_table.py"
 
 
-rule generalization_table:
+use rule result as generalization_table with:
     input:
         objective_mesh,
         orbits=rules.families.output[0],
@@ -101,9 +101,6 @@ rule generalization_table:
     log:
         log_of("tables/objectives_generalization_{scenario}"),
         times=benchmark_of("generalization_table/{scenario}"),
-    conda:
-        "../envs/cislunar.yaml"
-    threads: 1
     resources:
         mem_mb=2000,
     params:
@@ -117,8 +114,6 @@ rule generalization_table:
         seed=config["seed"],
     message:
         "Evaluating the generalization of architectures to other targets (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
 rule label_comparison:
@@ -141,7 +136,7 @@ rule label_comparison:
         "../scripts/label_comparison.py"
 
 
-rule readings:
+use rule result as readings with:
     input:
         lambda wildcards: settings_in(READ, "targets")["targets"]["missions"],
         orbits=rules.families.output[0],
@@ -151,8 +146,6 @@ rule readings:
     log:
         log_of("tables/readings_architecture"),
         times=benchmark_of("readings"),
-    conda:
-        "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
         function="campaign.readings.readings_table",
@@ -170,8 +163,6 @@ rule readings:
         ),
     message:
         "Repeating scenario {params.scenario} with each reading of the paper"
-    script:
-        "../scripts/result.py"
 
 
 rule architecture_claims:

@@ -1,4 +1,4 @@
-rule zvs_points:
+use rule result as zvs_points with:
     input:
         missions_path=config["targets"]["missions"],
     output:
@@ -7,15 +7,11 @@ rule zvs_points:
         log_of("targets/zvs_points"),
         times=benchmark_of("zvs_points"),
     priority: 100
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.zvs_points_dataset",
         settings=settings("targets"),
     message:
         "Sampling the zero-velocity surfaces of the missions in {input}"
-    script:
-        "../scripts/result.py"
 
 
 use rule zvs_points as zvs_points_of_scenario with:
@@ -30,7 +26,7 @@ use rule zvs_points as zvs_points_of_scenario with:
         settings=settings_of("targets"),
 
 
-rule static_targets:
+use rule result as static_targets with:
     input:
         points=shared("targets/zvs_points"),
     output:
@@ -41,8 +37,6 @@ rule static_targets:
     wildcard_constraints:
         scenario=any_of(SAMPLED),
     priority: 50
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.static_targets_dataset",
         targets=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["targets"],
@@ -50,11 +44,9 @@ rule static_targets:
         seed=config["seed"],
     message:
         "Clustering the sampled points into {params.targets} targets (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule own_static_targets:
+use rule result as own_static_targets with:
     input:
         path=lambda wildcards: STUDY["scenarios"][wildcards.scenario]["static_targets"],
     output:
@@ -64,11 +56,7 @@ rule own_static_targets:
         times=benchmark_of("own_static_targets/{scenario}"),
     wildcard_constraints:
         scenario=any_of(OWN_STATIC),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.own_static_dataset",
     message:
         "Reading the static targets in {input} (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"

@@ -131,7 +131,7 @@ wildcard_constraints:
 
 
 # Days and variants of an architecture share the refined orbits of its satellites.
-rule flown_orbits:
+use rule result as flown_orbits with:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
         orbits=observer_orbits,
@@ -142,8 +142,6 @@ rule flown_orbits:
         log_of("orbits/flown_{scenario}_{architecture}"),
         times=benchmark_of("flown_orbits/{scenario}_{architecture}"),
     priority: 6
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.tracking.flown_dataset",
         progress="satellites",
@@ -151,28 +149,24 @@ rule flown_orbits:
     message:
         "Refining the orbits of the satellites ({wildcards.architecture}, scenario "
         "{wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
-rule tracking_summary:
+use rule result as tracking_summary with:
     input:
-        lambda wildcards: [results(cell.path) for cell in EXTENTS[wildcards.extent]],
+        cells=lambda wildcards: [results(cell.path) for cell in EXTENTS[wildcards.extent]],
     output:
         results("task2/{extent}summary.nc"),
     log:
         log_of("task2/{extent}summary"),
         times=benchmark_of("tracking_summary/{extent}cells"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.summary_dataset",
+        metrics=True,
         cells=lambda wildcards: list(map(tuple, EXTENTS[wildcards.extent])),
         settings=settings("task2"),
         seed=config["seed"],
     message:
         "Computing the statistics of every cell"
-    script:
-        "../scripts/tracking_summary.py"
 
 
 rule tracking_tables:
@@ -200,25 +194,21 @@ use rule tracking_tables as tracking_table_of_paper with:
         log_of("tables/paper/tracking"),
 
 
-rule pooled_table:
+use rule result as pooled_table with:
     input:
         SUMMARY,
     output:
         table_file("pooled"),
     log:
         log_of("tables/pooled"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.tracking.pooled_rows",
         pooled=list(config["task2"]["variants"]["pooled"]),
     message:
         "Pooling the realizations of all days and sets of targets"
-    script:
-        "../scripts/result.py"
 
 
-rule objective_ranks:
+use rule result as objective_ranks with:
     input:
         tracking=rules.tracking_tables.output.tracking,
         objectives=expand(rules.objectives_table.output, scenario=JUDGED),
@@ -226,31 +216,24 @@ rule objective_ranks:
         table_file("objective_ranks"),
     log:
         log_of("tables/objective_ranks"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.tracking.rank_rows",
     message:
         "Ranking objectives by the tracking of their architectures"
-    script:
-        "../scripts/result.py"
 
 
-rule model_error_table:
+use rule result as model_error_table with:
     input:
         SUMMARY,
     output:
         table_file("model_error"),
     log:
         log_of("tables/model_error"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="campaign.tracking.model_error_rows",
         settings=settings("task2"),
     message:
         "Writing the table of model errors"
-    script:
-        "../scripts/model_error.py"
 
 
 rule tasking_comparison_cell:
@@ -269,7 +252,6 @@ rule tasking_comparison_cell:
     priority: 6
     conda:
         "../envs/cislunar.yaml"
-    threads: 1
     params:
         settings=comparison_settings,
         comparison=COMPARED,
@@ -284,7 +266,7 @@ rule tasking_comparison_cell:
         "../scripts/tasking_comparison_cell.py"
 
 
-rule tasking_comparison:
+use rule result as tasking_comparison with:
     input:
         compared=expand(
             results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
@@ -296,14 +278,10 @@ rule tasking_comparison:
         results("task2/tasking_comparison.nc"),
     log:
         log_of("task2/tasking_comparison"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.tracking.concatenate_comparisons",
     message:
         "Gathering the comparison of tasking methods"
-    script:
-        "../scripts/result.py"
 
 
 rule tracking_claims:
@@ -338,13 +316,11 @@ rule paper_vs_ours:
         "../scripts/paper_vs_ours.py"
 
 
-rule photometry_table:
+use rule result as photometry_table with:
     output:
         table_file("photometry"),
     log:
         log_of("tables/photometry"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.readings.photometry_table",
         material=TASK2["material"],
@@ -352,8 +328,6 @@ rule photometry_table:
         seed=config["seed"],
     message:
         "Computing the effects of the readings of the photometric equations"
-    script:
-        "../scripts/result.py"
 
 
 rule results_page:

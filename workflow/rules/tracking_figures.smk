@@ -120,25 +120,22 @@ use rule target_counts_figure as high_load_figure with:
         "Drawing every target by tasking interval, more targets than observers"
 
 
-rule representative_target_figure:
+use rule result as representative_target_figure with:
     input:
-        lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
+        cells=lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
     output:
         **figure_files("fig08_representative_target{of}", "representative_target"),
     log:
         log_of("figures/representative_target{of}"),
         times=benchmark_of("representative_target_figure/figure{of}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
+        function="figures.tracking.representative_target_figure",
         cells=lambda wildcards: list(map(tuple, HIGH_LOAD_ENDS[wildcards.of])),
     message:
         "Drawing the errors of one target for two tasking intervals"
-    script:
-        "../scripts/figure_representative_target.py"
 
 
-rule against_targets_figure:
+use rule result as against_targets_figure with:
     input:
         SUMMARY,
     output:
@@ -146,14 +143,10 @@ rule against_targets_figure:
     log:
         log_of("figures/tracking_against_targets"),
         times=benchmark_of("against_targets_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.tracking.against_targets_figure",
     message:
         "Drawing tracking against the number of targets"
-    script:
-        "../scripts/result.py"
 
 
 use rule against_targets_figure as against_interval_figure with:
@@ -209,7 +202,7 @@ use rule against_targets_figure as tasking_figure with:
         "Drawing the comparison of tasking methods"
 
 
-rule model_error_figure:
+use rule result as model_error_figure with:
     input:
         rules.model_error_table.output[0],
     output:
@@ -217,14 +210,10 @@ rule model_error_figure:
     log:
         log_of("figures/model_error"),
         times=benchmark_of("model_error_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.tracking.model_error_figure",
     message:
         "Drawing tracking by kind and size of the model error"
-    script:
-        "../scripts/result.py"
 
 
 use rule model_error_figure as pooled_figure with:
@@ -241,7 +230,7 @@ use rule model_error_figure as pooled_figure with:
         "Drawing the tracking of all targets by number of satellites"
 
 
-rule characterization_figure:
+use rule result as characterization_figure with:
     input:
         cells=lambda wildcards: [
             results(cell.path) for cell in CHARACTERIZED[wildcards.characterized]
@@ -251,15 +240,11 @@ rule characterization_figure:
     log:
         log_of("figures/characterization/{characterized}"),
         times=benchmark_of("characterization_figure/{characterized}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.tracking.characterization_figure",
         without=HISTORIES,
     message:
         "Drawing the characterization of targets from their light curves"
-    script:
-        "../scripts/result.py"
 
 
 rule pooled:
@@ -269,7 +254,7 @@ rule pooled:
         expand(rules.characterization_figure.output, characterized=CHARACTERIZED),
 
 
-rule learned_figure:
+use rule result as learned_figure with:
     input:
         [results(cell.path) for cell in LEARNED],
     output:
@@ -277,15 +262,11 @@ rule learned_figure:
     log:
         log_of("figures/learned"),
         times=benchmark_of("learned_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="figures.tracking.learned_figure",
         without=HISTORIES,
     message:
         "Drawing the body parameters learned from light curves"
-    script:
-        "../scripts/result.py"
 
 
 rule replay_page:

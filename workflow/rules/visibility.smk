@@ -1,4 +1,4 @@
-rule observer_paths:
+use rule result as observer_paths with:
     input:
         orbits=rules.families.output[0],
         bodies=rules.bodies.output[0],
@@ -8,8 +8,6 @@ rule observer_paths:
         log_of("orbits/paths"),
         times=benchmark_of("observer_paths"),
     priority: 90
-    conda:
-        "../envs/cislunar.yaml"
     params:
         function="campaign.data.paths_dataset",
         progress="orbits",
@@ -17,8 +15,6 @@ rule observer_paths:
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
         "Propagating the candidate observers with Earth, Moon and Sun from the ephemeris"
-    script:
-        "../scripts/result.py"
 
 
 use rule observer_paths as observer_paths_of_scenario with:
@@ -49,7 +45,7 @@ use rule observer_paths_of_scenario as own_observer_paths with:
         "Propagating the observers {wildcards.observers} with the ephemeris"
 
 
-rule visibility:
+use rule result as visibility with:
     input:
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
@@ -60,8 +56,6 @@ rule visibility:
         log_of("visibility/{scenario}"),
         times=benchmark_of("visibility/{scenario}"),
     priority: 50
-    conda:
-        "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
         function="campaign.architectures.visibility_dataset",
@@ -70,8 +64,6 @@ rule visibility:
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
         "Counting observations for every orbit and number of satellites (scenario {wildcards.scenario})"
-    script:
-        "../scripts/result.py"
 
 
 use rule visibility as observer_visibility with:

@@ -13,7 +13,7 @@ from cislunar.architecture.coverage.measures import Coverage, coverage
 from cislunar.campaign.architectures.variables import dimensionless
 from cislunar.campaign.data.inputs import horizon, sun_at
 from cislunar.campaign.settings import Visibility, merged, typed
-from cislunar.campaign.settings.observing.sensors import own_sensors
+from cislunar.campaign.settings.cell_settings import own_sensors
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.progress import Progress, logger
 from cislunar.runtime.provenance import provenance

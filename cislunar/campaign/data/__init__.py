@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "zvs_points_dataset"],
     "own_targets": ["objects_dataset", "own_observers_dataset", "own_static_dataset",
         "own_tracked_dataset"],
-    "refined_orbits": ["forces_on_observers", "horizon_days", "observer_states", "paths_dataset",
-        "refined_dataset", "refined_rows"],
+    "refined_orbits": ["forces_of", "forces_on_observers", "horizon_days", "observer_states",
+        "paths_dataset", "refined_dataset", "refined_rows"],
 })
 # fmt: on

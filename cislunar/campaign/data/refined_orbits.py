@@ -12,7 +12,7 @@ from cislunar.campaign.settings import Dynamics, typed
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import UNITS, from_inertial, is_low_lunar, pulsating_frame
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
-from cislunar.ephemeris.bodies import COLUMNS, read_table
+from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import reference_states, tracking_cost
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, path_states, refined_path
@@ -37,13 +37,20 @@ MEASURES = {
 def forces_on_observers(bodies: xr.Dataset, dynamics: Mapping[str, Any]) -> EphemerisForces:
     """Forces on observers in ephemeris dynamics, from the epoch on, with
     ``ephemeris/bodies.nc``."""
-    chosen = typed(dynamics, Dynamics)
+    return forces_of(body_table(bodies), float(bodies["epoch_et"]), typed(dynamics, Dynamics))
+
+
+def forces_of(
+    table: BodyTable, epoch: float, dynamics: Dynamics, factor: float = 1.0
+) -> EphemerisForces:
+    """Forces of ephemeris dynamics from an epoch on, TDB seconds past J2000, with a multiple of the
+    true solar radiation pressure."""
     return ephemeris_forces(
-        body_table(bodies),
-        float(bodies["epoch_et"]),
-        area_to_mass=chosen.srp.area_to_mass or None,
-        reflectivity=chosen.srp.reflectivity,
-        figure=chosen.lunar_harmonics,
+        table,
+        epoch,
+        area_to_mass=dynamics.srp.area_to_mass * factor or None,
+        reflectivity=dynamics.srp.reflectivity,
+        figure=dynamics.lunar_harmonics,
     )
 
 

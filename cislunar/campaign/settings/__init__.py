@@ -4,8 +4,9 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "cell_settings": ["cell_files", "cell_settings", "true_settings"],
-    "cell_tree": ["CellSettings", "Dynamics", "Tasking"],
+    "cell_settings": ["cell_files", "cell_settings", "observer_sensors", "own_sensors",
+        "sensor_change", "true_sensors", "true_settings"],
+    "cell_tree": ["CellSettings", "Dynamics", "GroupName", "SensorGroup", "Station", "Tasking"],
     "cells": ["Cell", "FEWEST_RANKED", "PAPER_ARCHITECTURES", "PAPER_FILTER", "campaign_cells",
         "check_cell", "estimator_names", "grid_cells", "most_alike", "paper_cells",
         "unpooled_variant", "variant_cells"],

@@ -3,13 +3,12 @@
 The settings of the library are sections of a cell as they are.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from cislunar.association.model import AssociationModel
 from cislunar.attitude.torque_model import TorqueModel
-from cislunar.campaign.settings.observing.sensor_tree import GroupName, SensorGroup, Station
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
@@ -18,6 +17,7 @@ from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
 from cislunar.observation import REFLECTION_LAW, BodyParameterPrior, BodySpec, Sensor
+from cislunar.observation.sensor import Atmosphere
 from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryReading, Reflection
 from cislunar.runtime.settings_fields import (
     Count,
@@ -39,6 +39,7 @@ from cislunar.tasking.planning import DetectionModel, ScheduleModel
 
 # fmt: off
 
+GroupName = Annotated[str, Field(pattern="^[a-z0-9][a-z0-9-]*$")]
 History = Literal["errors", "bound"]
 Recordable = Literal[
     "truth", "estimates", "covariance", "measurements", "pointing", "visibility", "observers"
@@ -80,6 +81,22 @@ class Tasking(ScheduleModel):
         "probabilities that are `learned` from the observations and weight the information of a "
         "pair", paper="sphere", default="sphere")
     learned: DetectionModel = setting("", default=DetectionModel())
+
+
+class SensorGroup(Section):
+    observers: Annotated[several(whole(ge=0)), Field(min_length=1)] = setting(
+        "observers with a telescope of their own, counted from 0 like `observer` in a cell's file")
+    sensor: partial(Sensor) = setting(
+        "properties in which this telescope differs; keys of `sensor`")
+
+
+class Station(Atmosphere):
+    latitude_deg: number(ge=-90, le=90) = setting("geodetic latitude", "deg")
+    longitude_deg: number(ge=-180, le=360) = setting("longitude, positive to the east", "deg")
+    height_m: number(ge=-500, le=9000) = setting("height above the ellipsoid", "m", default=0)
+    sensor: partial(Sensor) = setting(
+        "properties in which the station's telescope differs; keys of `sensor`",
+        default=partial(Sensor)())
 
 
 class Radiation(Section):

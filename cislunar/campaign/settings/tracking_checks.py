@@ -8,10 +8,9 @@ from typing import Any
 from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cells
-from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
+from cislunar.campaign.settings.cell_settings import cell_settings, observer_sensors, true_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
-from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import (
     require_scenario,

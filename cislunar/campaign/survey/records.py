@@ -24,10 +24,10 @@ from cislunar.detection import FALSE_ALARM
 from cislunar.dynamics import EphemerisForces
 from cislunar.orbit_determination import orbits_at
 from cislunar.runtime import variable
+from cislunar.runtime.arguments import Array
 from cislunar.survey import BlockRecord, CatalogRecord
 from cislunar.tasking import MANEUVER_VARIABLES, OBSERVATION_COLUMNS, RECOVERED_VARIABLES
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 ORBIT_STATUSES = ("no_orbit", "candidate", "confirmed")
@@ -152,10 +152,10 @@ class SurveyRecorder:
         ends = scene.step_s * np.array([0, *(link for link, _ in self._links)])
         frame = EPHEMERIS_FRAME if isinstance(self._forces, EphemerisForces) else ROTATING
         names = [*self._names, *(f"further orbit {k + 1}" for k in range(width - n))]
-        place, many = ("seed", "time", "target"), ("flag_values", "flag_meanings")
-        flags = dict(
-            zip(many, (np.arange(3, dtype=np.uint8), " ".join(ORBIT_STATUSES)), strict=True)
-        )
+        place = ("seed", "time", "target")
+        flags = {
+            "flag_values": np.arange(3, dtype=np.uint8), "flag_meanings": " ".join(ORBIT_STATUSES)
+        }  # fmt: skip
         variables = {
             "target_name": variable("target", np.array(names), "1", "name of the object or orbit"),
             "target_id": variable(

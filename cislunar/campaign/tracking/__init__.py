@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "realization_seeds", "scene_times", "target_labels", "tracking_problem"],
     "checkpoint": ["Checkpoint"],
     "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
-    "dataset": ["cell_dataset", "tracked_dataset", "write_cell"],
+    "dataset": ["SETTING_KEYS", "cell_dataset", "tracked_dataset", "write_cell"],
     "ephemeris_inputs": ["CellEphemeris", "assumed_forces", "ephemeris_scene", "ephemeris_states",
         "flown_dataset", "observer_tracks", "true_forces"],
     "maneuvers": ["cell_maneuvers"],

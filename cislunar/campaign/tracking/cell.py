@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data.inputs import body_table, sun_at
 from cislunar.campaign.settings import Cell, CellSettings, check_cell, orbits_of, typed
+from cislunar.campaign.settings.cell_settings import observer_sensors, own_sensors, true_sensors
 from cislunar.campaign.settings.library import (
     estimator_factory,
     loop_settings,
@@ -18,7 +19,6 @@ from cislunar.campaign.settings.library import (
     target_names,
     truth_model,
 )
-from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors, true_sensors
 from cislunar.campaign.tracking.ephemeris_inputs import (
     CellEphemeris,
     assumed_forces,

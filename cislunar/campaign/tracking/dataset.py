@@ -52,7 +52,7 @@ COMPONENTS = tuple(
     for axis in "xyz"
 )
 _COMPONENT_UNITS = ("1",) * 3 + ("rad s-1",) * 3 + ("1",) * 6
-_KEYS = SettingNames(
+SETTING_KEYS = SettingNames(
     limit="task2.sensor.limiting_magnitude",
     body="task2.material and task2.body",
     irradiance="task2.photometry.irradiance",
@@ -60,6 +60,7 @@ _KEYS = SettingNames(
     exclusion="task2.sensor.exclusion_deg",
     interval="task2.interval_minutes",
 )
+"""Names of settings in warnings."""
 
 
 def tracked_dataset(progress: Progress | None = None) -> xr.Dataset:
@@ -78,7 +79,7 @@ def cell_dataset(
     seed: int,
     progress: Progress | None = None,
     placement: Placement | None = None,
-    names: SettingNames = _KEYS,
+    names: SettingNames = SETTING_KEYS,
 ) -> xr.Dataset:
     """Run a cell in memory; `write_cell` writes the same data set to a file, with less memory.
 
@@ -153,7 +154,7 @@ def write_cell(
         outcomes = _fill(whole, checkpoint.pieces(), loop)
         _report_estimated_parameters(whole, loop)
     checkpoint.remove()
-    report_outcomes(outcomes, loop.inputs, _KEYS)
+    report_outcomes(outcomes, loop.inputs, SETTING_KEYS)
 
 
 def _report_estimated_parameters(whole: Mapping[str, Any], loop: ClosedLoop) -> None:

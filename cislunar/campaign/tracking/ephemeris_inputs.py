@@ -12,11 +12,11 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.campaign.architectures.variables import phases_of
-from cislunar.campaign.data import forces_on_observers, horizon_days, observer_states
+from cislunar.campaign.data import forces_of, forces_on_observers, horizon_days, observer_states
 from cislunar.campaign.data.inputs import COMPONENTS, variables
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
+from cislunar.dynamics.ephemeris_forces import EphemerisForces
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
 from cislunar.ephemeris import COLUMNS, BodyTable, read_table, rotating_frame
 from cislunar.errors import ConvergenceError
@@ -37,7 +37,7 @@ class CellEphemeris(NamedTuple):
 
 def true_forces(ephemeris: CellEphemeris, dynamics: Dynamics) -> EphemerisForces:
     """True force model of the targets."""
-    return _ephemeris(ephemeris, dynamics, 1.0)
+    return forces_of(ephemeris.table, ephemeris.start, dynamics)
 
 
 def assumed_forces(
@@ -47,20 +47,10 @@ def assumed_forces(
     orbits."""
     dynamics = settings.dynamics
     if dynamics.filter == "ephemeris":
-        return _ephemeris(ephemeris, dynamics, dynamics.srp.assumed_factor)
+        factor = dynamics.srp.assumed_factor
+        return forces_of(ephemeris.table, ephemeris.start, dynamics, factor)
     return instantaneous_frame_cr3bp(
         ephemeris.table, ephemeris.start, loop.step_s, loop.n_steps, low_lunar
-    )
-
-
-def _ephemeris(ephemeris: CellEphemeris, dynamics: Dynamics, factor: float) -> EphemerisForces:
-    area = dynamics.srp.area_to_mass * factor
-    return ephemeris_forces(
-        ephemeris.table,
-        ephemeris.start,
-        area_to_mass=area or None,
-        reflectivity=dynamics.srp.reflectivity,
-        figure=dynamics.lunar_harmonics,
     )
 
 

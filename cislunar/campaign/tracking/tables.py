@@ -1,7 +1,7 @@
 """Tables of tracking: every cell with confidence intervals, effects of changed settings, and
 ranks."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from cislunar.campaign.settings.cells import FEWEST_RANKED, unpooled_variant
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
-from cislunar.campaign.tracking.model_errors import NONE, ModelError
+from cislunar.campaign.tracking.model_errors import NONE, ModelError, model_errors
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.summary import CHARACTERIZED
 from cislunar.estimation.light_curves.model_selection.characterization import STATUS_NAMES
@@ -191,10 +191,11 @@ ERROR_COLUMNS = [
 ]
 
 
-def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.DataFrame:
-    """Rows of ``tables/model_error.csv``, from ``task2/summary.nc`` and `model_errors`.
+def model_error_rows(summary: xr.Dataset, settings: Mapping[str, Any]) -> pd.DataFrame:
+    """Rows of ``tables/model_error.csv``, from ``task2/summary.nc`` and the `model_errors` of the
+    configuration key `task2`.
 
-    For every cell of these variants, for the cell without the error (kind `NONE`, size 0), and for
+    For every cell of their variants, for the cell without the error (kind `NONE`, size 0), and for
     every quantity: mean over the realizations with its 95 % confidence interval (as in
     ``tables/tracking.csv``), and the difference to the cell without the error, realization by
     realization, with its interval (Student's t). Estimators, errors and cells that the summary
@@ -204,7 +205,7 @@ def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.Da
     frame = frame.loc[frame.index.isin(ERROR_QUANTITIES)].reset_index(drop=True)
     rows: list[dict[str, Any]] = []
     compared_with: set[tuple] = set()
-    for error in errors:
+    for error in model_errors(settings["task2"]):
         for place, own in select(frame, variant=error.variant).groupby(_OF_ERROR, sort=False):
             identity = dict(zip(_OF_ERROR, place, strict=True))
             usual = select(frame, variant="", **identity)

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.campaign.settings import CellSettings, typed
-from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors
+from cislunar.campaign.settings.cell_settings import observer_sensors, own_sensors
 from cislunar.campaign.tracking.records import (
     FrameOfCell,
     frame_of,

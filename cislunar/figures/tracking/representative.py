@@ -26,7 +26,7 @@ def representative_target_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
 
     The cells rise in their tasking interval; the first and the last one have time histories.
     """
-    (first, first_data), *_, (last, last_data) = cells.items()
+    (first, first_data), *_, (last, last_data) = dict(cells).items()
     figure = new_figure(_HEAD + _PANELS_IN + _FOOT)
     target = errors.representative_target(first_data, last_data)
     ends = " and ".join(labels.interval_text(cell.interval_minutes) for cell in (first, last))

@@ -21,10 +21,9 @@ from cislunar.evaluation.intervals import (
     share_interval,
     t_interval,
 )
+from cislunar.runtime.arguments import Array
 
 from .judges import table
-
-Array = NDArray[np.float64]
 
 
 class Sweep(NamedTuple):

@@ -16,9 +16,8 @@ from scipy.stats import binomtest
 from cislunar.association.model import AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.runtime.arguments import Array
 from cislunar.tasking.realization import USED
-
-Array = NDArray[np.float64]
 
 PLACE = ("response", "targets", "observers", "mode", "estimator", "dynamics", "clutter",
          "delay_minutes", "days")  # fmt: skip

@@ -1,5 +1,6 @@
-"""Data set of the paper's own architectures."""
+"""Data sets of given architectures: those of the paper, and the observers of a user's table."""
 
+import numpy as np
 import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED, choose_members, random_member_values
@@ -10,6 +11,7 @@ from cislunar.campaign.architectures.variables import (
     history_variables,
 )
 from cislunar.campaign.architectures.visibility import cost_function
+from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import generator, logger, progress_log
 
@@ -51,3 +53,21 @@ def published_dataset(
             seed,
         ),
     )
+
+
+def own_dataset(
+    visibility: xr.Dataset, orbits: xr.Dataset, *, scenario: str, name: str
+) -> xr.Dataset:
+    """``architecture/{scenario}/{name}.nc``: one satellite on each orbit of a table.
+
+    J is NaN if a path is not closed, since it has no stability index.
+    """
+    cost, orbit = cost_function(visibility, orbits), np.arange(orbits.sizes["orbit"])
+    found = architecture_variables(orbit, np.ones_like(orbit), cost)
+    found["orbit"].attrs["long_name"] = f"index into {orbits_of(name, own=True)}"
+    seen = visibility["observations"].values[:, 0]
+    found |= dimensionless(
+        observations=(("slot", "target"), seen, "times the static target is observable")
+    )
+    title = f"Scenario {scenario}, observers {name}"
+    return xr.Dataset(found, attrs=architecture_attributes(visibility, title, {"observers": name}))
