@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude import grp
-from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose, multiply_components, normalize
+from cislunar.attitude.rigid_body import propagate_attitudes
 from cislunar.attitude.torque_model import TorqueModel
 from cislunar.attitude.varying_torque import RandomTorque, SunPressure, propagate_varying
 from cislunar.compiled import njit_noalloc
