@@ -125,7 +125,7 @@ def _read_stl(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
     """Vertices (3F, 3), not yet merged, triangles (F, 3) and empty groups of an STL file."""
     # Some binary files begin with "solid" too, so that only the length identifies them.
     count = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
-    if len(content) == 84 + 50 * count:
+    if count >= 0 and len(content) == 84 + 50 * count:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         corners = np.frombuffer(content, record, count, offset=84)["corners"].astype(float)
     elif content.lstrip()[:5].lower() == b"solid":

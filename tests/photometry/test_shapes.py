@@ -209,6 +209,7 @@ def test_sliver_without_area_is_degenerate(height, tmp_path):
         ("q.stl", "solid s\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n", "facet 1 has 2 vertices"),
         ("q.stl", "solid s\nvertex 0 0 0\n", "ends within facet 1"),
         ("q.stl", "something else", "neither a text STL file nor a whole binary one"),
+        ("q.stl", 34 * "-", "neither a text STL file nor a whole binary one"),
         ("q.ply", "ply", "must end in .obj or .stl"),
     ],
 )
