@@ -5,7 +5,6 @@ from oracles.reference_filter import ReferenceFilter
 from oracles.rigid_rotation import propagate_rotation
 from scipy.spatial.transform import Rotation
 
-from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.errors import ConfigurationError
@@ -252,4 +251,3 @@ def test_initial_uncertainty_is_that_of_the_paper():
     assert (sigma[6] * LENGTH_UNIT_KM * 1000.0) ** 2 == pytest.approx(0.1 * 100_000.0**2)
     unit_m_s = LENGTH_UNIT_KM * 1000.0 / 375_190.3
     assert (sigma[9] * unit_m_s) ** 2 == pytest.approx(0.1 * 0.1**2, rel=1e-5)
-    assert grp.scale_for(0.5) == 3.0

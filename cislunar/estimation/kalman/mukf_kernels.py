@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
@@ -108,7 +108,7 @@ def _apply(state, j, correction, constants):
     for c in range(p):
         state.parameters[j, c] += correction[c]
     d1, d2, d3, d4 = quaternion_from_grp_components(
-        correction[p], correction[p + 1], correction[p + 2], GRP_A, GRP_F
+        correction[p], correction[p + 1], correction[p + 2]
     )
     _compose_left(state.quaternion[j], d1, d2, d3, d4)
     for c in range(3):

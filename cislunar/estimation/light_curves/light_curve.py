@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.parameter_deviations import (
     COLUMNS,
     TURN_IF_KNOWN,
@@ -109,7 +109,7 @@ def initial_state(u, model, quaternion, omega):
     parameters."""
     sigma, q = model.sigma, model.quaternion
     d1, d2, d3, d4 = quaternion_from_grp_components(
-        sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2], GRP_A, GRP_F
+        sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2]
     )
     quaternion[0], quaternion[1], quaternion[2], quaternion[3] = multiply_components(
         d1, d2, d3, d4, q[0], q[1], q[2], q[3]

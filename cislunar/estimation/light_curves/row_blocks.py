@@ -9,7 +9,7 @@ follow these six, already in their units.
 
 import numpy as np
 
-from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
+from cislunar.attitude.grp import pull_back_to_grp
 from cislunar.attitude.parameter_deviations import (
     FIRST_DEVIATION,
     ends_of,
@@ -218,7 +218,7 @@ def pull_back_matrix(u, start, sigma):
         turn[0], turn[1], turn[2] = rotate_components(
             start[0], start[1], start[2], start[3], 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2)
         )
-        by_grp = pull_back_to_grp(p, turn, GRP_A, GRP_F)
+        by_grp = pull_back_to_grp(p, turn)
         for c in range(3):
             matrix[c, i] = sigma[c] * by_grp[c]
         matrix[3 + i, 3 + i] = sigma[3 + i]
