@@ -17,7 +17,7 @@ class _CostWork(NamedTuple):
     """Scratch of the cost, reused from call to call.
     `start` (4,), `omega` (3,): attitude and angular velocity at the epoch. `body`: inertia, its
     inverse and the forced acceleration. `amounts` (n,): rotation deviations. `track`, `times`: see
-    `cislunar.attitude.parameter_deviations.start_track`. `block`, `rows`, `products`: magnitudes of
+    `cislunar.attitude.parameter_deviations.begin_track`. `block`, `rows`, `products`: magnitudes of
     a block, its other rows, and sums of products of derivatives."""
 
     start: Array
