@@ -31,7 +31,6 @@ from cislunar.attitude.parameter_deviations import (
 )
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import njit, njit_alloc, njit_noalloc
-from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
@@ -42,6 +41,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     add_products,
     fill_block,
     fold,
+    make_cost_work,
     parameter_rows,
     pull_back,
     pull_back_matrix,
