@@ -152,11 +152,8 @@ def set_motion(u, model, with_columns, work):
     carried = propagated_parameters(model)
     for c in range(ROTATION, carried):
         work.amounts[c] = model.sigma[c] * u[c]
-    amounts, assumed_inertia = (
-        work.amounts[ROTATION:carried],
-        (model.inertia, model.inverse_inertia),
-    )
-    perturbed_rotation(model.rotation_kinds, amounts, *assumed_inertia, work.body)
+    amounts, assumed = work.amounts[ROTATION:carried], (model.inertia, model.inverse_inertia)
+    perturbed_rotation(model.rotation_kinds, amounts, *assumed, work.body)
     if not model.even:
         begin_track(work.track, work.times, work.start, work.omega, work.body, with_columns)
 
