@@ -21,16 +21,6 @@ def joined_tracks(first: Values, second: Values) -> Values:
     return first + second if isinstance(first, list) else np.concatenate([first, second])
 
 
-def copied_tracks(values: Values) -> Values:
-    """Values with arrays of their own."""
-    if isinstance(values, tuple):
-        own = map(copied_tracks, values)
-        return type(values)(*own) if hasattr(values, "_fields") else tuple(own)
-    if isinstance(values, list):
-        return [copied_tracks(each) for each in values]
-    return values.copy()
-
-
 def selected_tracks(values: Values, tracks: NDArray[np.int64]) -> Values:
     """Values of some of the tracks, given by indices, shape (n,)."""
     if isinstance(values, tuple):

@@ -143,9 +143,11 @@ class BatchEstimator:
         self._index = index
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "BatchEstimator":
-        """An estimator with tracks of its own; it shares the constants."""
+        """An estimator with tracks of its own; it shares the constants, and the models of light
+        curves, since nothing changes them."""
         new = copy(self)
-        new._rng, new._tracks = deepcopy(self._rng, memo), self._tracks.copied(memo)
+        memo |= {id(model): model for model in self._tracks.models}
+        new._rng, new._tracks = deepcopy(self._rng, memo), deepcopy(self._tracks, memo)
         return new
 
     @property
