@@ -2,10 +2,8 @@
 
 import numpy as np
 from measured import during
+from oracles.rigid_rotation import propagate_rotation
 
-from cislunar.attitude.rigid_body import (
-    propagate_torque_free,
-)
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
@@ -41,7 +39,7 @@ class Problem:
     def _tumbling(self) -> Truth:
         truth = self.truth
         moved = [
-            propagate_torque_free(q[0], w, self.loop.elapsed_s, self.inertia)
+            propagate_rotation(q[0], w, self.loop.elapsed_s, self.inertia)
             for q, w in zip(truth.quaternion, truth.angular_velocity[:, 0], strict=True)
         ]
         quaternion, rate = (np.array(each) for each in zip(*moved, strict=True))

@@ -5,7 +5,6 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "attitude_integrator": ["TURN_OF_LONG_STEP", "carry_rotation", "torque_free_step"],
-    "attitude_propagation": ["propagate_attitudes"],
     "grp": ["GRP_A", "GRP_F", "from_quaternion", "grp_from_quaternion_components",
         "pull_back_to_grp", "quaternion_from_grp_components", "to_quaternion"],
     "inertia": ["INERTIA", "RigidBodies", "TORQUE", "inertia_matrix", "rigid_bodies"],
@@ -14,7 +13,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "perturbed_rotation", "weigh_ends"],
     "quaternion": ["attitude_matrix", "compose", "from_rotation_vector", "multiply_components",
         "normalize", "rotate_components", "rotation_vector_components", "to_inertial"],
-    "rigid_body": ["propagate_spherical", "spherical_transition"],
+    "rigid_body": ["propagate_attitudes", "propagate_spherical", "spherical_transition"],
     "torque_model": ["TorqueModel"],
     "varying_torque": ["RandomTorque", "SunPressure", "propagate_varying"],
 })

@@ -1,8 +1,7 @@
 """Generalized Rodrigues parameters (GRP) of attitude errors (Paul & Fan, section 2.4).
 
-The GRP vector is ``p = f rho / (a + q4)`` with ``0 <= a <= 1``. For ``f = 2 (a + 1)`` a small p
-equals the rotation vector in radians. The values a = 0, f = 1 give the Gibbs parameters and
-a = f = 1 the modified Rodrigues parameters; the paper uses a = 0.5, f = 3.
+The GRP vector is ``p = f rho / (a + q4)`` with the paper's a = 0.5 and f = 2 (a + 1) = 3, for which
+a small p equals the rotation vector in radians.
 
 The ``*_components`` functions are compiled and handle one attitude; `to_quaternion` and
 `from_quaternion` handle arrays.
@@ -12,20 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import njit_alloc, njit_inline
-from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
 GRP_A: float = 0.5
-"""Parameter a of the paper (table 3)."""
+"""Parameter a (table 3)."""
 
 GRP_F: float = 3.0
-"""Scale f = 2 (a + 1) of the paper."""
+"""Scale f = 2 (a + 1)."""
 
 
 @njit_inline
-def quaternion_from_grp_components(p1, p2, p3, a, f):
+def quaternion_from_grp_components(p1, p2, p3):
     """Quaternion of a GRP vector, as four scalars."""
+    a, f = GRP_A, GRP_F
     norm2 = p1 * p1 + p2 * p2 + p3 * p3
     scalar = (-a * norm2 + f * np.sqrt(f * f + (1.0 - a * a) * norm2)) / (f * f + norm2)
     scale = (a + scalar) / f
@@ -33,22 +32,23 @@ def quaternion_from_grp_components(p1, p2, p3, a, f):
 
 
 @njit_inline
-def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
+def grp_from_quaternion_components(q1, q2, q3, q4):
     """GRP vector of a quaternion, as three scalars."""
     # q and -q are one attitude; q4 >= 0 is the shorter rotation, away from the singularity
-    scale = f / (a + q4) if q4 >= 0.0 else -f / (a - q4)
+    scale = GRP_F / (GRP_A + q4) if q4 >= 0.0 else -GRP_F / (GRP_A - q4)
     return scale * q1, scale * q2, scale * q3
 
 
 @njit_alloc
-def pull_back_to_grp(p, g, a, f):
+def pull_back_to_grp(p, g):
     """Gradient with respect to the GRP vector, shape (3,), from that with respect to small
     rotations.
 
     With ``dq(p + dp) = dq(e) (x) dq(p)``, where e is a small rotation vector (rad, in the frame
     after ``dq(p)``), the result is ``(de/dp)^T g``. It completes the chain rule of a light curve
     with respect to the GRP vector of an initial attitude error."""
-    r1, r2, r3, r4 = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
+    a, f = GRP_A, GRP_F
+    r1, r2, r3, r4 = quaternion_from_grp_components(p[0], p[1], p[2])
     # e = 2 (q4 drho - dq4 rho + drho x rho), rho = k p, k = (a + q4) / f
     k = (a + r4) / f
     along = r1 * g[0] + r2 * g[1] + r3 * g[2]
@@ -63,60 +63,36 @@ def pull_back_to_grp(p, g, a, f):
     return out
 
 
-def scale_for(a: float) -> float:
-    """Scale f = 2 (a + 1), for a in [0, 1], with which a small GRP vector is a rotation vector."""
-    if not 0.0 <= a <= 1.0:
-        raise ConfigurationError(f"GRP parameter a = {a} must lie in [0, 1] (the paper takes 0.5)")
-    return 2.0 * (a + 1.0)
-
-
-def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
+def to_quaternion(p: ArrayLike) -> Array:
     """Unit quaternions of GRP vectors over arrays (Paul & Fan, eqs. 32-34).
 
     Parameters
     ----------
     p : array_like, shape (..., 3)
         GRP vectors.
-    a, f : float, optional
-        GRP parameter and scale; f = 2 (a + 1) if omitted.
 
     Returns
     -------
     ndarray, shape (..., 4)
         Unit quaternions, scalar last.
-
-    Raises
-    ------
-    ConfigurationError
-        If `a` lies outside of [0, 1] and `f` is omitted.
     """
-    scale = scale_for(a) if f is None else f
     p = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
-    return np.stack(quaternion_from_grp_components.py_func(*p, a, scale), axis=-1)
+    return np.stack(quaternion_from_grp_components.py_func(*p), axis=-1)
 
 
-def from_quaternion(q: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
+def from_quaternion(q: ArrayLike) -> Array:
     """GRP vectors of unit quaternions over arrays (Paul & Fan, eq. 39).
 
     Parameters
     ----------
     q : array_like, shape (..., 4)
         Unit quaternions, scalar last; q and -q give the same vector.
-    a, f : float, optional
-        GRP parameter and scale; f = 2 (a + 1) if omitted.
 
     Returns
     -------
     ndarray, shape (..., 3)
-        GRP vectors; infinite for a rotation by pi when a = 0.
-
-    Raises
-    ------
-    ConfigurationError
-        If `a` lies outside of [0, 1] and `f` is omitted.
+        GRP vectors.
     """
-    scale = scale_for(a) if f is None else f
     q = np.asarray(q, dtype=float)
     q = np.where(q[..., 3:] < 0.0, -q, q)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return scale * q[..., :3] / (a + q[..., 3:])
+    return GRP_F * q[..., :3] / (GRP_A + q[..., 3:])

@@ -49,14 +49,6 @@ def inertia_matrix(inertia: ArrayLike) -> Array:
     return np.ascontiguousarray(0.5 * (matrix + matrix.T))
 
 
-def is_spherical(inertia: ArrayLike) -> bool:
-    """Whether the principal moments of an inertia (see `inertia_matrix`) agree to 1e-12, so that a
-    torque-free omega is constant."""
-    matrix = inertia_matrix(inertia)
-    mean = np.trace(matrix) / 3.0
-    return bool(np.abs(matrix - mean * np.eye(3)).max() <= 1e-12 * mean)
-
-
 class RigidBodies(NamedTuple):
     """Inertia of many bodies, in the layout of the compiled kernels.
 
@@ -65,7 +57,8 @@ class RigidBodies(NamedTuple):
     inertia, inverse : ndarray, shape (body, 3, 3)
         Inertia matrices and their inverses, body frame, any unit.
     spherical : ndarray of bool, shape (body,)
-        Whether the torque-free angular velocity is constant.
+        Whether the principal moments agree to 1e-12, so that the torque-free angular velocity is
+        constant.
     """
 
     inertia: Array
@@ -89,6 +82,7 @@ def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
     # most often all bodies are equal, and validating one takes longer than propagating it
     given, kind = np.unique(np.asarray(inertia, dtype=float), axis=0, return_inverse=True)
     matrices = np.array([inertia_matrix(matrix) for matrix in given])
-    spherical = np.array([is_spherical(matrix) for matrix in matrices])
+    mean = np.trace(matrices, axis1=1, axis2=2)[:, None, None] / 3.0
+    spherical = np.all(np.abs(matrices - mean * np.eye(3)) <= 1e-12 * mean, axis=(1, 2))
     kind = kind.ravel()
     return RigidBodies(matrices[kind], np.linalg.inv(matrices)[kind], spherical[kind])

@@ -206,23 +206,15 @@ def _put_end(track, q, w, a):
 
 
 @njit_alloc
-def start_track(quaternion, omega, body, with_columns):
-    """A track (`_ROWS`, COLUMNS) that starts at an attitude and rate, and the times of its step's
-    ends. `body` is the inertia, its inverse and the angular acceleration (3,) due to the torque."""
-    track, times = make_track()
-    begin_track(track, times, quaternion, omega, body, with_columns)
-    return track, times
-
-
-@njit_alloc
 def make_track():
-    """Uninitialized arrays of a track and of the times of its step's ends."""
+    """Uninitialized arrays of a track (`_ROWS`, COLUMNS) and of the times of its step's ends."""
     return np.empty((_ROWS, COLUMNS)), np.empty(2)
 
 
 @njit_noalloc
 def begin_track(track, times, quaternion, omega, body, with_columns):
-    """Initialize a track; see `start_track`."""
+    """Begin a track at an attitude and rate. `body` is the inertia, its inverse and the angular
+    acceleration (3,) due to the torque."""
     track[:, :] = 0.0
     times[:] = 0.0
     q = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -280,7 +272,7 @@ def _rate_of_turning(track):
 
 @njit_noalloc
 def extend_track(track, times, until, body, with_columns, turn_per_step):
-    """Take steps until the last one ends at or after a time; see `start_track` for `body`."""
+    """Take steps until the last one ends at or after a time; see `begin_track` for `body`."""
     finest = _FINEST * (until - times[1])
     while until > times[1]:
         rate = _rate_of_turning(track)
@@ -316,7 +308,8 @@ def parameter_transition(omega, dt, inertia, inverse_inertia, kinds, out):
     derivatives. Written into `out`, shape (6, 6 + n): ``[[A, B], [0, C]]``, where A is the rotation
     over the step, then one column for each of the n deviations of these `kinds`."""
     body = inertia, inverse_inertia, np.zeros(3)
-    track, times = start_track(np.array([0.0, 0.0, 0.0, 1.0]), omega, body, True)
+    track, times = make_track()
+    begin_track(track, times, np.array([0.0, 0.0, 0.0, 1.0]), omega, body, True)
     count = max(1, int(np.ceil(_rate_of_turning(track) * dt / _TURN_OF_TRANSITION)))
     for _ in range(count):
         _take_step(track, times, dt / count, body, True)

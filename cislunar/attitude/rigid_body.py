@@ -3,26 +3,20 @@
 Attitude and angular velocity obey ``dq/dt = [omega; 0] (x) q / 2`` and Euler's equations
 ``I domega/dt = T - omega x (I omega)`` in the body frame. A torque-free body of spherical inertia
 has a constant angular velocity and an attitude in closed form (`propagate_spherical`). Any other
-motion is integrated numerically (`propagate_torque_free`, `propagate_under_torque`); estimators use
-the fixed steps of `cislunar.attitude.attitude_integrator`. Angles are in rad, times in any unit.
+motion is integrated numerically (`propagate_attitudes`); estimators use the fixed steps of
+`cislunar.attitude.attitude_integrator`. Angles are in rad, times in any unit.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.inertia import inertia_matrix, is_spherical
 from cislunar.attitude.quaternion import (
     SMALL_ANGLE,
     multiply_components,
-    normalize,
     rotate_components,
     rotation_vector_components,
 )
 from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
-from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
 
 
 @njit_alloc
@@ -165,84 +159,28 @@ def propagate_kernel(
         omega_out[i] = y[4 + i] * rate if rate > 0.0 else 0.0
 
 
-@njit(cache=True)
-def _propagate_series(q, omega, inertia, inverse_inertia, a, times, tolerance, q_out, omega_out):
-    """`propagate_kernel` from one time to the next, starting at time 0."""
-    attitude, rate, now = q.copy(), omega.copy(), 0.0
-    for i in range(times.size):
-        propagate_kernel(
-            attitude,
-            rate,
-            inertia,
-            inverse_inertia,
-            times[i] - now,
-            tolerance,
-            attitude,
-            rate,
-            a[0],
-            a[1],
-            a[2],
-        )
-        now = times[i]
-        q_out[i] = attitude
-        omega_out[i] = rate
+@njit(cache=True, error_model="numpy")
+def propagate_attitudes(elapsed_s, bodies, forced, tolerance, attitude, rate, quaternion, omega):
+    """Attitudes (body, time, 4) and angular velocities (body, time, 3) of many bodies (compiled).
 
-
-def propagate_torque_free(
-    quaternion: ArrayLike,
-    omega: ArrayLike,
-    times: ArrayLike,
-    inertia: ArrayLike,
-    *,
-    tolerance: float = 1e-13,
-) -> tuple[Array, Array]:
-    """Attitudes (T, 4), inertial to body, scalar last, and angular velocities (T, 3), rad per unit
-    of time, body frame, of a torque-free rigid body at given times from the state at time 0.
-
-    The times have any order; short intervals between consecutive times are fastest. A spherical
-    body is propagated in closed form. For `inertia` see `inertia_matrix`, for `tolerance`
-    `propagate_kernel`."""
-    if not is_spherical(inertia):
-        still = np.zeros(3)
-        return propagate_under_torque(quaternion, omega, times, inertia, still, tolerance=tolerance)
-    start, rate, times, _ = _checked(quaternion, omega, times, np.zeros(3))
-    quaternions = np.empty((times.size, 4))
-    for i, turn in enumerate(rate * times[:, None]):
-        quaternions[i] = propagate_spherical(start, turn, 1.0)
-    return quaternions, np.tile(rate, (times.size, 1))
-
-
-def propagate_under_torque(
-    quaternion: ArrayLike,
-    omega: ArrayLike,
-    times: ArrayLike,
-    inertia: ArrayLike,
-    acceleration: ArrayLike,
-    *,
-    tolerance: float = 1e-13,
-) -> tuple[Array, Array]:
-    """As `propagate_torque_free`, under a torque T that is constant in the body frame and causes
-    the angular acceleration I^-1 T (3,), rad per unit of time squared; always integrated
-    numerically."""
-    matrix = inertia_matrix(inertia)
-    start, rate, times, forced = _checked(quaternion, omega, times, acceleration)
-    quaternions, rates = np.empty((times.size, 4)), np.empty((times.size, 3))
-    inverse = np.linalg.inv(matrix)
-    _propagate_series(start, rate, matrix, inverse, forced, times, tolerance, quaternions, rates)
-    return quaternions, rates
-
-
-def _checked(
-    quaternion: ArrayLike, omega: ArrayLike, times: ArrayLike, acceleration: ArrayLike
-) -> tuple[Array, Array, Array, Array]:
-    """The inputs of a propagation as arrays, which must be finite."""
-    given = {
-        "quaternion": normalize(quaternion),
-        "omega": np.array(omega, dtype=float),
-        "times": np.atleast_1d(np.asarray(times, dtype=float)),
-        "acceleration": np.array(acceleration, dtype=float),
-    }
-    for name, value in given.items():
-        if not np.all(np.isfinite(value)):
-            raise ConfigurationError(f"{name} of a rigid body must be finite, not {value.tolist()}")
-    return tuple(given.values())
+    `bodies` is a `RigidBodies`, `forced` (body, 3) their angular accelerations, rad/s^2. A
+    torque-free spherical body is propagated in closed form from `attitude` (body, 4) and `rate`
+    (body, 3) at the epoch. Any other body is integrated from its state at the first time (or at the
+    epoch, if the first time is zero), and `attitude` and `rate` are overwritten by its state at the
+    last time."""
+    for j in range(attitude.shape[0]):
+        if bodies.spherical[j] and not np.any(forced[j]):
+            for i in range(elapsed_s.size):
+                quaternion[j, i] = propagate_spherical(attitude[j], rate[j], elapsed_s[i])
+                omega[j, i] = rate[j]
+            continue
+        now = elapsed_s[0]
+        for i in range(elapsed_s.size):
+            if i > 0 or now == 0.0:  # consecutive intervals share an end
+                propagate_kernel(
+                    attitude[j], rate[j], bodies.inertia[j], bodies.inverse[j], elapsed_s[i] - now,
+                    tolerance, attitude[j], rate[j], forced[j, 0], forced[j, 1], forced[j, 2],
+                )  # fmt: skip
+            now = elapsed_s[i]
+            quaternion[j, i] = attitude[j]
+            omega[j, i] = rate[j]

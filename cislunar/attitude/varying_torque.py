@@ -85,8 +85,7 @@ def sunlight_acceleration(quaternion, sun, j, pressure):
 def propagate_varying(
     elapsed_s, bodies, forced, sun, pressure, tolerance, attitude, rate, quaternion, omega
 ):
-    """As `cislunar.attitude.attitude_propagation.propagate_attitudes`, under a torque that varies
-    (compiled).
+    """As `cislunar.attitude.rigid_body.propagate_attitudes`, under a torque that varies (compiled).
 
     `forced` (body, step, 3) is the angular acceleration by other torques, constant within each
     step; `sun` (body, time, 3) has the unit vectors to the Sun. `attitude` (body, 4) and `rate`

@@ -28,10 +28,8 @@ def dispersed_points(mean, covariance, spread, points):
 @njit(cache=True, error_model="numpy")
 def carry_points(points, index, count, step, forces):
     """Propagate sigma points (target, 6, 13) over some steps from time `index` on."""
-    slopes, stage = (
-        np.empty((STAGES8, TRANSLATION_SIZE, points.shape[2])),
-        np.empty(points.shape[1:]),
-    )
+    slopes = np.empty((STAGES8, TRANSLATION_SIZE, points.shape[2]))
+    stage = np.empty(points.shape[1:])
     for j in range(points.shape[0]):
         own = of_state(forces, j)
         for k in range(index, index + count):

@@ -3,7 +3,7 @@ Points of position and velocity are the columns of a bundle (6, 2 n + 1), the ce
 The expected measurements of the outer points less the central one are the rows of `expected` (2 n,
 m)."""
 
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import njit_inline
 from cislunar.observation.sightline import METERS, direction_angles, lit_directions, wrap_angle
@@ -40,7 +40,7 @@ def expected_directions(bundle, observer, axes, expected):
 def attitude_error(root, column, scale):
     """Attitude error of a sigma point as a quaternion: GRP ``scale * root[:3, column]``."""
     return quaternion_from_grp_components(
-        scale * root[0, column], scale * root[1, column], scale * root[2, column], GRP_A, GRP_F
+        scale * root[0, column], scale * root[1, column], scale * root[2, column]
     )
 
 

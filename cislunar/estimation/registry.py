@@ -5,6 +5,7 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.names import ESTIMATORS
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.runtime.arguments import require_choice
 
@@ -42,16 +43,14 @@ def estimator_named(
     ConfigurationError
         If the name of the estimator or of the preset is unknown.
     """
-    factories = {
-        "mukf": lambda: mukf(
-            process_noise=process_noise,
-            splitting=splitting,
-            use_magnitude=use_magnitude,
-            extra_magnitude_noise=extra_magnitude_noise,
-            noise_memory=noise_memory,
-            estimated_parameters=estimated_parameters,
-        ),
-        "batch": lambda: batch(batch_settings, process_noise=process_noise, splitting=splitting),
-    }
-    require_choice("estimator", name, factories)
-    return factories[name]()
+    require_choice("estimator", name, ESTIMATORS)
+    if name == "batch":
+        return batch(batch_settings, process_noise=process_noise, splitting=splitting)
+    return mukf(
+        process_noise=process_noise,
+        splitting=splitting,
+        use_magnitude=use_magnitude,
+        extra_magnitude_noise=extra_magnitude_noise,
+        noise_memory=noise_memory,
+        estimated_parameters=estimated_parameters,
+    )

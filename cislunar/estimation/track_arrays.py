@@ -21,16 +21,6 @@ def joined_tracks(first: Values, second: Values) -> Values:
     return first + second if isinstance(first, list) else np.concatenate([first, second])
 
 
-def copied_tracks(values: Values) -> Values:
-    """Values with arrays of their own."""
-    if isinstance(values, tuple):
-        own = map(copied_tracks, values)
-        return type(values)(*own) if hasattr(values, "_fields") else tuple(own)
-    if isinstance(values, list):
-        return [copied_tracks(each) for each in values]
-    return values.copy()
-
-
 def selected_tracks(values: Values, tracks: NDArray[np.int64]) -> Values:
     """Values of some of the tracks, given by indices, shape (n,)."""
     if isinstance(values, tuple):
@@ -62,11 +52,8 @@ def replaced_roots(root: Array, covariance: Array, tracks: ArrayLike) -> Array:
     """Lower Cholesky factors (track, n, n) in which, for some tracks, the covariance of the last m
     states is replaced by a new one (changed, m, m), without correlation with the others."""
     out, m = root.copy(), covariance.shape[-1]
-    # in units of the deviations, so that rounding cannot make a covariance indefinite
-    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    correlation = covariance / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(m)
     out[tracks, -m:] = 0.0
-    out[tracks, -m:, -m:] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    out[tracks, -m:, -m:] = _roots_of(covariance)
     return out
 
 
@@ -87,8 +74,14 @@ def widened_roots(root: Array, covariance: Array, tracks: NDArray[np.bool_]) -> 
     changed = tracks & np.any(covariance != 0.0, axis=(1, 2))
     whole = root[changed] @ root[changed].swapaxes(1, 2)
     whole[:, -m:, -m:] += covariance[changed]
-    # in units of the deviations, so that rounding cannot make a covariance indefinite
-    scale = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
-    correlation = whole / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(root.shape[1])
-    out[changed] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    out[changed] = _roots_of(whole)
     return out
+
+
+def _roots_of(covariance: Array) -> Array:
+    """Lower Cholesky factors of covariances (track, n, n), from their correlations, so that
+    rounding cannot make one indefinite."""
+    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    units = scale[:, :, None] * scale[:, None]
+    correlation = covariance / units + 1e-12 * np.eye(covariance.shape[-1])
+    return scale[:, :, None] * np.linalg.cholesky(correlation)

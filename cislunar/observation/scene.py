@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import attitude_matrix
+from cislunar.attitude.rigid_body import propagate_attitudes
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions

@@ -12,15 +12,14 @@ from cislunar.attitude.inertia import inertia_matrix
 from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body, plain_body
-from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE
+from cislunar.photometry.law_mixture import COOK_TORRANCE
 from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
 from cislunar.photometry.reflection.tables import (
     NO_TABLE,
     ReflectanceTable,
     load_reflectance_table,
 )
-from cislunar.photometry.shadows.concatenated import joined_shadows
-from cislunar.photometry.shadows.table import Shadows
+from cislunar.photometry.shadows.table import Shadows, joined_shadows
 from cislunar.photometry.shapes import Facets
 from cislunar.runtime.arguments import array_of, count_of, require_kind
 

@@ -26,7 +26,7 @@ from cislunar.photometry.facet_blocks import (
     VIEW,
 )
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
-from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE, phase_magnitude
+from cislunar.photometry.law_mixture import COOK_TORRANCE, phase_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable

@@ -67,7 +67,7 @@ from cislunar.photometry.facets import (
     fresnel_reflectance,
     reflection_constants,
 )
-from cislunar.photometry.law_mixture.blocks import (
+from cislunar.photometry.law_mixture import (
     add_mixed_facet,
     add_phase_terms,
     clear_mixture,

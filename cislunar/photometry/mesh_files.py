@@ -1,8 +1,7 @@
 """Meshes from files: Wavefront OBJ, and STL in text or binary form.
 
-`load_shape` makes the convex body of the facet model without shadows, `load_mesh` any closed mesh
-for `cislunar.photometry.bodies`. Vertices run counter-clockwise seen from outside. Other input is
-refused with the file and the facet; facets are counted from 1 in the order of the file.
+Meshes are closed, and vertices run counter-clockwise seen from outside. Other input is refused with
+the file and the facet; facets are counted from 1 in the order of the file.
 """
 
 from pathlib import Path
@@ -11,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.photometry.meshes import Mesh, check_convex, closed_mesh
-from cislunar.photometry.shapes import Facets, facets_from_triangles, scale_to_sphere
+from cislunar.photometry.meshes import Mesh, closed_mesh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -55,18 +53,6 @@ def load_mesh(path: str | Path, *, meters_per_unit: float = 1.0) -> Mesh:
         raise InputFileError(f"{path}: cannot read the shape file ({error.strerror})") from error
     mesh = closed_mesh(path, *readers[path.suffix.lower()](path, content))
     return mesh._replace(vertices=mesh.vertices * meters_per_unit)
-
-
-def load_shape(
-    path: str | Path, *, meters_per_unit: float = 1.0, radius_m: float | None = None
-) -> Facets:
-    """Facets of a convex body from a mesh file (see `load_mesh`), in the file's order; if
-    `radius_m` is given, the shape is scaled to the surface area 4 pi R^2. Raises an
-    `InputFileError` if the mesh is not convex."""
-    mesh = load_mesh(path, meters_per_unit=meters_per_unit)
-    check_convex(mesh)
-    facets = facets_from_triangles(mesh.vertices, mesh.triangles)
-    return facets if radius_m is None else scale_to_sphere(facets, radius_m)
 
 
 def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ...]]:
@@ -125,7 +111,7 @@ def _read_stl(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
     """Vertices (3F, 3), not yet merged, triangles (F, 3) and empty groups of an STL file."""
     # Some binary files begin with "solid" too, so that only the length identifies them.
     count = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
-    if len(content) == 84 + 50 * count:
+    if count >= 0 and len(content) == 84 + 50 * count:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         corners = np.frombuffer(content, record, count, offset=84)["corners"].astype(float)
     elif content.lstrip()[:5].lower() == b"solid":

@@ -14,7 +14,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cislunar.errors import InputFileError
-from cislunar.photometry.shapes import facets_from_triangles
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -139,17 +138,3 @@ def _check_outward(source: str | Path, vertices: Array, triangles: Indices) -> N
             f"{source}: facet {inward[0] + 1} and {others} face inward; reverse the order of their "
             "vertices"
         )
-
-
-def check_convex(mesh: Mesh) -> None:
-    """Refuse a closed mesh with a vertex above the plane of a facet, which the message names."""
-    normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
-    origins = mesh.vertices[mesh.triangles[:, 0]]
-    tolerance = CONVEX_TOLERANCE * mesh_size(mesh.vertices)
-    for facet, (normal, origin) in enumerate(zip(normals, origins, strict=True), 1):
-        height = float(((mesh.vertices - origin) @ normal).max())
-        if height > tolerance:
-            raise InputFileError(
-                f"{mesh.source}: not convex, a vertex stands {height:.4g} m above the plane of "
-                f"facet {facet}; facets would shadow each other, which this model neglects"
-            )

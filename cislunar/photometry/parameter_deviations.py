@@ -41,7 +41,7 @@ from cislunar.photometry.facet_blocks import (
 )
 from cislunar.photometry.facet_derivatives import fresnel_by_reflectance
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, LN10, fresnel_reflectance
-from cislunar.photometry.law_mixture.blocks import phase_terms
+from cislunar.photometry.law_mixture import phase_terms
 from cislunar.photometry.materials import (
     ALBEDO,
     AXIS_SCALE,

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude import grp
-from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose, multiply_components, normalize
+from cislunar.attitude.rigid_body import propagate_attitudes
 from cislunar.attitude.torque_model import TorqueModel
 from cislunar.attitude.varying_torque import RandomTorque, SunPressure, propagate_varying
 from cislunar.compiled import njit_noalloc
@@ -366,14 +366,14 @@ def draw_truth(
 
 
 @njit_noalloc
-def _errors(first, truth, estimates, a, f, out):
+def _errors(first, truth, estimates, out):
     """Errors of an interval (target, step, 12); see `estimation_errors`."""
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             t = truth.quaternion[j, first + i]
             e = estimates.quaternion[j, i]
             d1, d2, d3, d4 = multiply_components(t[0], t[1], t[2], t[3], -e[0], -e[1], -e[2], e[3])
-            p1, p2, p3 = grp.grp_from_quaternion_components(d1, d2, d3, d4, a, f)
+            p1, p2, p3 = grp.grp_from_quaternion_components(d1, d2, d3, d4)
             out[j, i, 0] = p1
             out[j, i, 1] = p2
             out[j, i, 2] = p3
@@ -392,5 +392,5 @@ def estimation_errors(first: int, truth: Truth, estimates: Estimates) -> Array:
     attitude error ``q_true (x) q_estimate^-1``, angular velocity (rad/s), position and velocity
     (nondimensional). `first` is the index of the interval's first step on the grid of times."""
     out = np.empty(estimates.sigma.shape)
-    _errors(first, truth, estimates, grp.GRP_A, grp.GRP_F, out)
+    _errors(first, truth, estimates, out)
     return out

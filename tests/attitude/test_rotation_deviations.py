@@ -8,11 +8,12 @@ from scipy.spatial.transform import Rotation
 from cislunar.attitude.parameter_deviations import (
     COLUMNS,
     TURN_PER_STEP,
+    begin_track,
     ends_of,
     extend_track,
+    make_track,
     parameter_transition,
     perturbed_rotation,
-    start_track,
     weigh_ends,
 )
 from cislunar.attitude.quaternion import compose, to_body
@@ -43,6 +44,13 @@ def _motion(change):
     return solve_ivp(slope, (0.0, 9.0), start, rtol=1e-11, atol=1e-11, t_eval=TIMES).y.T
 
 
+def begun(*given):
+    """A track from its start, and the times of its step's ends."""
+    track, times = make_track()
+    begin_track(track, times, *given)
+    return track, times
+
+
 def _read(track, times, when):
     """Attitude, and the turns of all columns in the body frame (3, COLUMNS), at a time."""
     weights = weigh_ends(times, when)
@@ -54,8 +62,8 @@ def _read(track, times, when):
 
 def test_attitude_and_all_derivatives_against_scipy():
     body, still = _body(AMOUNTS), np.array([0.0, 0.0, 0.0, 1.0])
-    track, times = start_track(still, RATE, body, True)
-    alone, alone_times = start_track(still, RATE, body, False)
+    track, times = begun(still, RATE, body, True)
+    alone, alone_times = begun(still, RATE, body, False)
     ends = [(_motion(h), _motion(-h)) for h in 1e-4 * np.eye(COLUMNS)]
     reference = _motion(np.zeros(COLUMNS))
     for k, when in enumerate(TIMES):
@@ -87,6 +95,6 @@ def test_transition_with_and_without_deviations():
 @pytest.mark.parametrize("rate", [0.0, 1e200, np.nan])
 def test_a_track_ends_whatever_the_rate(rate):
     body = _body(AMOUNTS)
-    track, times = start_track(np.array([0.0, 0.0, 0.0, 1.0]), np.full(3, rate), body, True)
+    track, times = begun(np.array([0.0, 0.0, 0.0, 1.0]), np.full(3, rate), body, True)
     extend_track(track, times, 1.0, body, True, TURN_PER_STEP)
     assert not times[0] > 1.0

@@ -33,7 +33,7 @@ from cislunar.figures.tracking.choice import (
     target_count_cells,
     tasking_variants,
 )
-from cislunar.photometry.mesh_files import load_shape
+from cislunar.photometry.mesh_files import load_mesh
 from cislunar.targets.missions import load_missions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -279,7 +279,7 @@ def test_hostile_shape(tmp_path, content, ending):
     path = tmp_path / f"body.{ending}"
     path.write_bytes(content)
     try:
-        load_shape(path)
+        load_mesh(path)
     except CislunarError as error:
         assert_clear(error, str(path))
 

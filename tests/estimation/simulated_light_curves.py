@@ -1,10 +1,14 @@
 """Simulated light curves of a rotating body, seen by two observers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from oracles.light_curves import geometry, model_of
 
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.estimation.light_curves.light_curve import initial_state
+from cislunar.estimation.light_curves.mixture import mixture_moments
+from cislunar.estimation.light_curves.model_selection.in_loop import reported_points
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, TIME, VIEW
 
 HOURS = 20.0
@@ -35,3 +39,12 @@ def simulated(magnitude, seed=0):
     data[:, MAGNITUDE] = magnitude(attitudes, data) + 0.1 * rng.standard_normal(len(data))
     data = np.ascontiguousarray(data[np.isfinite(data[:, MAGNITUDE])])
     return data, model, rotation(model, u, [3600.0 * HOURS])[0][0], u
+
+
+def rotation_at(selected, model, elapsed_s):
+    """Mean attitude at a time after the epoch, and covariance (6, 6) of attitude error and rate."""
+    (quaternion, omega, weight, _), count = reported_points(selected, model, elapsed_s, 0)
+    mean, differences = np.empty(4), np.empty((count, 6))
+    mixture_moments(quaternion, omega, weight, mean, np.empty(3), differences)
+    covariance = (differences.T * weight) @ differences
+    return SimpleNamespace(quaternion=mean, covariance=covariance)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles.light_curves import FACETS
 from oracles.reflection import lambert_phong_magnitude
-from simulated_light_curves import observed_rows, rotation, simulated
+from simulated_light_curves import observed_rows, rotation, rotation_at, simulated
 
 from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.estimation.light_curves.model_selection.characterization import (
@@ -17,7 +17,6 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     characterize,
 )
 from cislunar.estimation.light_curves.model_selection.ladder import select_model
-from cislunar.estimation.light_curves.model_selection.report import rotation_at
 from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, TIME, VIEW
 from cislunar.photometry.materials import Material
 

@@ -11,12 +11,12 @@ from oracles.light_curves import (
     geometry,
     model_of,
 )
+from oracles.rigid_rotation import propagate_rotation
 from scipy.optimize import approx_fprime, minimize
 from scipy.stats import norm
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose
-from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import (
@@ -48,7 +48,7 @@ def _magnitudes(u, data, model):
     """Model magnitudes by the library's array functions, without any kernel of this estimator."""
     p0 = SIGMA[:3] * u[:3]
     start = compose(grp.to_quaternion(p0), model.quaternion)
-    attitudes, _ = propagate_torque_free(
+    attitudes, _ = propagate_rotation(
         start, model.omega + SIGMA[3:] * u[3:], data[:, TIME], model.inertia
     )
     given = attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE]
@@ -369,7 +369,7 @@ def test_points_carry_mean_and_covariance(inertia):
     weighted_deviations(differences, weight, sigma)
     draws = TRUE + np.random.default_rng(0).standard_normal((4000, 6)) / 20.0
     ends = [
-        propagate_torque_free(
+        propagate_rotation(
             compose(grp.to_quaternion(SIGMA[:3] * u[:3]), model.quaternion),
             model.omega + SIGMA[3:] * u[3:], [7200.0], model.inertia,
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles.light_curves import FACETS, anchor_of, model_of
 from oracles.reflection import lambert_phong_magnitude
-from simulated_light_curves import HOURS, observed_rows, simulated
+from simulated_light_curves import HOURS, observed_rows, rotation_at, simulated
 
 from cislunar.attitude.grp import from_quaternion
 from cislunar.attitude.quaternion import compose
@@ -20,7 +20,6 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
 )
 from cislunar.estimation.light_curves.model_selection.in_loop import updated_selection
 from cislunar.estimation.light_curves.model_selection.ladder import select_model
-from cislunar.estimation.light_curves.model_selection.report import rotation_at
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.model_selection.rungs import RUNGS, model_of_rung
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from oracles.light_curves import FACETS, anchor_of, cost_differences, geometry, model_of
+from oracles.rigid_rotation import propagate_rotation
 from scipy.integrate import quad
 from scipy.stats import invgamma
 
 from cislunar.attitude.inertia import inertia_matrix
-from cislunar.attitude.rigid_body import propagate_under_torque
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -146,7 +146,7 @@ def test_every_point_rotates_with_its_inertia_and_torque():
     step_points(q, omega, deviations, 7200.0, model)
     for i in (12, 17, 21):
         moments = np.exp([0.0, *deviations[i, :2]])
-        end, rate = propagate_under_torque(
+        end, rate = propagate_rotation(
             points[0][i], points[1][i], [7200.0], moments, deviations[i, 2:]
         )
         np.testing.assert_allclose(q[i], end[0], atol=1e-7)

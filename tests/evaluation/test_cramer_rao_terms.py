@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 from bound_problem import BRIGHT, UNEVEN, Problem
+from oracles.rigid_rotation import propagate_rotation
 
 from cislunar.attitude import grp
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.parameter_deviations import parameter_transition, perturbed_rotation
 from cislunar.attitude.quaternion import compose, from_rotation_vector, normalize
-from cislunar.attitude.rigid_body import (
-    propagate_torque_free,
-    propagate_under_torque,
-    spherical_transition,
-)
+from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.dynamics.propagation import propagate
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import target_magnitude
@@ -50,9 +47,9 @@ def _moved(problem, j, change, kinds):
         assumed = inertia_matrix(problem.inertia)
         body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
         perturbed_rotation(kinds, change[12:], assumed, np.linalg.inv(assumed), body)
-        attitude, rates = propagate_under_torque(start, rate, elapsed, body[0], body[2])
+        attitude, rates = propagate_rotation(start, rate, elapsed, body[0], body[2])
     else:
-        attitude, rates = propagate_torque_free(start, rate, elapsed, problem.inertia)
+        attitude, rates = propagate_rotation(start, rate, elapsed, problem.inertia)
     state = truth.translation[j, 0] + change[6:12]
     times = problem.scene.step * np.arange(elapsed.size)
     return attitude, rates, propagate(state, times, method="dop853")
@@ -235,7 +232,7 @@ def test_transition_of_a_rigid_body(rate):
     inertia = np.diag(UNEVEN)
     parameter_transition(omega, dt, inertia, np.linalg.inv(inertia), none, integrated)
     still = np.array([0.0, 0.0, 0.0, 1.0])
-    (true,), _ = propagate_torque_free(still, omega, [dt], UNEVEN)
+    (true,), _ = propagate_rotation(still, omega, [dt], UNEVEN)
     back = true * np.array([-1.0, -1.0, -1.0, 1.0])
     expected = np.empty((6, 6))
     for c in range(6):
@@ -244,7 +241,7 @@ def test_transition_of_a_rigid_body(rate):
             change = np.zeros(6)
             change[c] = sign * 1e-4 * unit[c]
             start = from_rotation_vector(change[:3])
-            (q,), (w,) = propagate_torque_free(start, omega + change[3:], [dt], UNEVEN)
+            (q,), (w,) = propagate_rotation(start, omega + change[3:], [dt], UNEVEN)
             ends.append(np.concatenate([grp.from_quaternion(compose(q, back)), w]))
         expected[:, c] = (ends[0] - ends[1]) / (2.0 * abs(change[c]))
     scale = np.outer(1.0 / unit, unit)

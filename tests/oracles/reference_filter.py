@@ -4,10 +4,10 @@ import filterpy.kalman
 import numpy as np
 import scipy.linalg
 import scipy.special
+from oracles.rigid_rotation import propagate_rotation
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse
-from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.propagation import propagate
 from cislunar.photometry.facets import facet_magnitude
@@ -63,7 +63,7 @@ class ReferenceFilter:
     def turn(self, rate, dt, body):
         """Turn and rate after a step, from the identity attitude."""
         inertia = self.inertia * np.exp([0.0, *body[:2]]) if self.first else self.inertia
-        turns, rates = propagate_torque_free([0, 0, 0, 1], rate, [dt], inertia)
+        turns, rates = propagate_rotation([0, 0, 0, 1], rate, [dt], inertia)
         return turns[0], rates[0]
 
     def surface(self, body):

@@ -8,8 +8,15 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.photometry.mesh_files import load_mesh, load_shape
-from cislunar.photometry.shapes import facets_from_triangles, icosahedron, icosphere, scale_axes
+from cislunar.photometry.mesh_files import load_mesh
+from cislunar.photometry.shadows.table import shadowing_pairs
+from cislunar.photometry.shapes import (
+    facets_from_triangles,
+    icosahedron,
+    icosphere,
+    scale_axes,
+    scale_to_sphere,
+)
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
 TETRAHEDRON_FACETS = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -41,6 +48,11 @@ def write_stl_binary(path, vertices, facets, header=b"solid but binary"):
 
 
 WRITERS = {"a.obj": write_obj, "b.stl": write_stl_text, "c.STL": write_stl_binary}
+
+
+def facets_of(path, **settings):
+    mesh = load_mesh(path, **settings)
+    return facets_from_triangles(mesh.vertices, mesh.triangles)
 
 
 def hull_mesh(points):
@@ -89,16 +101,16 @@ def test_mesh_file_gives_the_hull_it_was_written_from(name, tmp_path):
     points = np.random.default_rng(3).normal(size=(40, 3))
     hull, facets = hull_mesh(points)
     path = WRITERS[name](tmp_path / name, points, facets)
-    shape = load_shape(path, meters_per_unit=0.1)
+    shape = facets_of(path, meters_per_unit=0.1)
     assert shape.total_area == pytest.approx(0.01 * hull.area, rel=1e-6)
     np.testing.assert_allclose(shape.normals, hull.equations[:, :3], atol=2e-5)
-    scaled = load_shape(path, radius_m=1.0)
+    scaled = scale_to_sphere(shape, 1.0)
     assert scaled.total_area == pytest.approx(4 * np.pi, rel=1e-12)
     np.testing.assert_allclose(scaled.areas / shape.areas, 4 * np.pi / shape.total_area)
 
 
 def test_tetrahedron_areas_and_normals(tmp_path):
-    shape = load_shape(write_obj(tmp_path / "t.obj", TETRAHEDRON, TETRAHEDRON_FACETS))
+    shape = facets_of(write_obj(tmp_path / "t.obj", TETRAHEDRON, TETRAHEDRON_FACETS))
     np.testing.assert_allclose(shape.areas, 2 * np.sqrt(3), rtol=1e-14)
     # The normal of each facet points away from the vertex it lacks.
     np.testing.assert_allclose(shape.normals, -TETRAHEDRON[[3, 2, 1, 0]] / np.sqrt(3), atol=1e-15)
@@ -110,8 +122,8 @@ def test_obj_with_slashes_negative_indices_and_comments(tmp_path):
     lines += [f"v {x} {y} {z} # vertex" for x, y, z in TETRAHEDRON]
     lines += ["f 1/1/1 2//1 3", "f -4 -1 -3", "f 1 3 4", "s off", "f 2 4 3"]
     path.write_text("\n".join(lines))
-    expected = load_shape(write_obj(tmp_path / "u.obj", TETRAHEDRON, TETRAHEDRON_FACETS))
-    np.testing.assert_array_equal(load_shape(path).normals, expected.normals)
+    expected = facets_of(write_obj(tmp_path / "u.obj", TETRAHEDRON, TETRAHEDRON_FACETS))
+    np.testing.assert_array_equal(facets_of(path).normals, expected.normals)
 
 
 def test_coplanar_facets_are_convex(tmp_path):
@@ -119,7 +131,7 @@ def test_coplanar_facets_are_convex(tmp_path):
     cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     hull, facets = hull_mesh(cube)
     for name, write in WRITERS.items():
-        shape = load_shape(write(tmp_path / name, cube, facets))
+        shape = facets_of(write(tmp_path / name, cube, facets))
         assert shape.areas.size == 12
         assert shape.total_area == pytest.approx(hull.area) == 6.0
 
@@ -138,7 +150,7 @@ def test_coplanar_facets_are_convex(tmp_path):
 def test_unusable_tetrahedra(name, facets, message, tmp_path):
     path = WRITERS[name](tmp_path / name, TETRAHEDRON, facets)
     with pytest.raises(InputFileError, match=message) as error:
-        load_shape(path)
+        load_mesh(path)
     assert str(path) in str(error.value)
 
 
@@ -148,18 +160,19 @@ def test_open_mesh(name, tmp_path):
     _, facets = hull_mesh(points)
     path = WRITERS[name](tmp_path / name, points, facets[:-1])
     with pytest.raises(InputFileError, match=r"facet \d+ has an edge without neighbor"):
-        load_shape(path)
+        load_mesh(path)
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_concave_body_is_refused(name, tmp_path):
+def test_facets_of_a_concave_body_shadow_each_other(name, tmp_path):
     octahedron = np.array(
         [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float
     )
     _, facets = hull_mesh(octahedron)
+    path = WRITERS[name](tmp_path / name, octahedron, facets)
+    assert not shadowing_pairs(load_mesh(path)).any()
     octahedron[4] = [0, 0, -0.3]
-    with pytest.raises(InputFileError, match=r"not convex, .* plane of facet \d"):
-        load_shape(WRITERS[name](tmp_path / name, octahedron, facets))
+    assert shadowing_pairs(load_mesh(WRITERS[name](path, octahedron, facets))).any()
 
 
 def two_tetrahedra(path, second):
@@ -171,13 +184,12 @@ def two_tetrahedra(path, second):
     return path
 
 
-def test_closed_mesh_of_two_parts_has_groups_and_is_refused_as_convex(tmp_path):
+def test_closed_mesh_of_two_parts_has_groups_and_shadows(tmp_path):
     path = two_tetrahedra(tmp_path / "two.obj", TETRAHEDRON_FACETS)
     mesh = load_mesh(path, meters_per_unit=2.0)
     assert mesh.groups == ("bus",) * 4 + ("panel",) * 4
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), 14.0)
-    with pytest.raises(InputFileError, match="not convex, a vertex stands"):
-        load_shape(path)
+    assert shadowing_pairs(mesh).any()
 
 
 def test_part_inside_out(tmp_path):
@@ -193,7 +205,7 @@ def test_sliver_without_area_is_degenerate(height, tmp_path):
     points = np.vstack([TETRAHEDRON, middle])
     facets = [*TETRAHEDRON_FACETS[1:], (0, 4, 2), (4, 1, 2), (0, 1, 4)]
     with pytest.raises(InputFileError, match="facet 6 is degenerate"):
-        load_shape(write_obj(tmp_path / "t.obj", points, facets))
+        load_mesh(write_obj(tmp_path / "t.obj", points, facets))
 
 
 @pytest.mark.parametrize(
@@ -209,6 +221,7 @@ def test_sliver_without_area_is_degenerate(height, tmp_path):
         ("q.stl", "solid s\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n", "facet 1 has 2 vertices"),
         ("q.stl", "solid s\nvertex 0 0 0\n", "ends within facet 1"),
         ("q.stl", "something else", "neither a text STL file nor a whole binary one"),
+        ("q.stl", 34 * "-", "neither a text STL file nor a whole binary one"),
         ("q.ply", "ply", "must end in .obj or .stl"),
     ],
 )
@@ -216,7 +229,7 @@ def test_unreadable_files(name, content, message, tmp_path):
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(InputFileError, match=message) as error:
-        load_shape(path)
+        load_mesh(path)
     assert str(path) in str(error.value)
 
 
@@ -224,23 +237,23 @@ def test_truncated_missing_and_non_finite_files(tmp_path):
     path = write_stl_binary(tmp_path / "t.stl", TETRAHEDRON, TETRAHEDRON_FACETS, b"exported")
     path.write_bytes(path.read_bytes()[:-10])
     with pytest.raises(InputFileError, match="4 facets announced"):
-        load_shape(path)
+        load_mesh(path)
     with pytest.raises(InputFileError, match=r"gone\.obj: cannot read"):
-        load_shape(tmp_path / "gone.obj")
+        load_mesh(tmp_path / "gone.obj")
     broken = TETRAHEDRON.copy()
     broken[3, 1] = np.nan
     with pytest.raises(InputFileError, match="facet 2 has a coordinate that is not finite"):
-        load_shape(write_obj(tmp_path / "n.obj", broken, TETRAHEDRON_FACETS))
+        load_mesh(write_obj(tmp_path / "n.obj", broken, TETRAHEDRON_FACETS))
     with pytest.raises(ConfigurationError, match="meters_per_unit"):
-        load_shape(path, meters_per_unit=-1.0)
+        load_mesh(path, meters_per_unit=-1.0)
 
 
 def test_facets_in_order(tmp_path):
     """Merging vertices must not reorder facets: areas follow the file."""
     points = np.random.default_rng(5).normal(size=(12, 3))
     _, facets = hull_mesh(points)
-    first = load_shape(write_stl_text(tmp_path / "a.stl", points, facets))
-    second = load_shape(write_stl_text(tmp_path / "b.stl", points, facets[::-1]))
+    first = facets_of(write_stl_text(tmp_path / "a.stl", points, facets))
+    second = facets_of(write_stl_text(tmp_path / "b.stl", points, facets[::-1]))
     np.testing.assert_allclose(first.areas, second.areas[::-1], rtol=1e-12)
     assert any(a != b for a, b in pairwise(first.areas))
 

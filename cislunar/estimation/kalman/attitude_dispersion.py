@@ -13,7 +13,7 @@ the central point.
 import numpy as np
 
 from cislunar.attitude.attitude_integrator import carry_rotation, torque_free_step
-from cislunar.attitude.grp import GRP_A, GRP_F, grp_from_quaternion_components
+from cislunar.attitude.grp import grp_from_quaternion_components
 from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.compiled import njit_alloc, njit_noalloc
@@ -111,6 +111,6 @@ def rotation_differences(omega, parameters, root, step_s, bodies, j, constants, 
                 d1, d2, d3, d4, -turn[0], -turn[1], -turn[2], turn[3]
             )
             row = row[p:]
-            row[0], row[1], row[2] = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
+            row[0], row[1], row[2] = grp_from_quaternion_components(d1, d2, d3, d4)
             row[3], row[4], row[5] = w1 - v1, w2 - v2, w3 - v3
     return turn

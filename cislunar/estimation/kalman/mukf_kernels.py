@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
@@ -108,7 +108,7 @@ def _apply(state, j, correction, constants):
     for c in range(p):
         state.parameters[j, c] += correction[c]
     d1, d2, d3, d4 = quaternion_from_grp_components(
-        correction[p], correction[p + 1], correction[p + 2], GRP_A, GRP_F
+        correction[p], correction[p + 1], correction[p + 2]
     )
     _compose_left(state.quaternion[j], d1, d2, d3, d4)
     for c in range(3):
@@ -193,41 +193,18 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, limits, n
     axes = scene.observer_axes[k]
     angle = 1 if constants.use_magnitude else 0
     sigma_points(translation, root[6 + len(constants.parameters) :], spread, work.bundle)
-    if len(constants.parameters) > 0 and constants.use_magnitude:
-        magnitude, ra, dec, undetectable = expected_of_bodies(
-            work.bundle,
-            quaternion,
-            state.parameters[j],
-            root,
-            spread,
-            place,
-            axes,
-            scene.sun_position[k],
-            scene.frame_axes[k],
-            surfaces,
-            j,
-            constants.rotation_kinds,
-            constants.surface_kinds,
-            work.block,
-            work.expected,
-        )
-        innovation[0] = value[row, 0] - magnitude
-        counters[FLOOR_HITS] += undetectable
-    elif constants.use_magnitude:
-        magnitude, ra, dec, undetectable = expected_measurements(
-            work.bundle,
-            quaternion,
-            root,
-            spread,
-            place,
-            axes,
-            scene.sun_position[k],
-            scene.frame_axes[k],
-            surfaces,
-            j,
-            work.block,
-            work.expected,
-        )
+    if constants.use_magnitude:
+        light = place, axes, scene.sun_position[k], scene.frame_axes[k], surfaces, j
+        if len(constants.parameters) > 0:
+            mean, kinds = state.parameters[j], (constants.rotation_kinds, constants.surface_kinds)
+            magnitude, ra, dec, undetectable = expected_of_bodies(
+                work.bundle, quaternion, mean, root, spread, *light, *kinds, work.block,
+                work.expected,
+            )  # fmt: skip
+        else:
+            magnitude, ra, dec, undetectable = expected_measurements(
+                work.bundle, quaternion, root, spread, *light, work.block, work.expected
+            )
         innovation[0] = value[row, 0] - magnitude
         counters[FLOOR_HITS] += undetectable
     else:
@@ -237,14 +214,8 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, limits, n
         return OUTSIDE_FIELD
     innovation[angle] = off_ra
     innovation[angle + 1] = off_dec
-    innovation_moments(
-        work.expected,
-        variance[1 - angle :],
-        constants.weights,
-        work.expected_shift,
-        work.cross,
-        work.even,
-    )
+    out = work.expected_shift, work.cross, work.even
+    innovation_moments(work.expected, variance[1 - angle :], constants.weights, *out)
     even, cross = work.even[angle:, angle:], work.cross[:, angle:]
     if curvature < np.inf and is_curved(even, cross, variance[1:], nonlinearity, curvature):
         return CURVED

@@ -31,11 +31,7 @@ from cislunar.estimation.kalman.translation_filter import (
     is_curved,
     update_translation,
 )
-from cislunar.estimation.kalman.workspace import (
-    Workspace,
-    in_field,
-    make_workspace,
-)
+from cislunar.estimation.kalman.workspace import Workspace, in_field, make_workspace
 from cislunar.estimation.unscented import innovation_moments, sigma_points
 from cislunar.observation.sightline import wrap_angle
 
@@ -98,14 +94,8 @@ def _observe(points, observation, constants, work):
     axes (3, 3) of the observer."""
     right_ascension, declination, variance, observer, axes = observation
     ra0, dec0 = expected_directions(points, observer, axes, work.expected)
-    innovation_moments(
-        work.expected,
-        variance,
-        constants.orbit_weights,
-        work.expected_shift,
-        work.cross,
-        work.even,
-    )
+    out = work.expected_shift, work.cross, work.even
+    innovation_moments(work.expected, variance, constants.orbit_weights, *out)
     work.innovation[0] = wrap_angle(right_ascension - ra0) - work.expected_shift[0]
     work.innovation[1] = declination - dec0 - work.expected_shift[1]
     return _log_likelihood(work)
@@ -211,11 +201,8 @@ def update_mixture(
     best = np.max(stack.score[:waiting])
     least = best + np.log(np.sum(np.exp(stack.score[:waiting] - best))) - _LEAST_SCORE
     count, scores = 0, np.empty(MAX_COMPONENTS)
-    means, narrow, log_weights = (
-        np.empty((3, SIZE)),
-        np.empty((SIZE, SIZE)),
-        np.log(split_weights()),
-    )
+    means, narrow = np.empty((3, SIZE)), np.empty((SIZE, SIZE))
+    log_weights = np.log(split_weights())
     while waiting > 0:
         at = np.argmax(stack.score[:waiting])
         score = stack.score[at]

@@ -43,9 +43,11 @@ from cislunar.estimation.light_curves.batch_kernels import (
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.batch_tracks import starting_tracks
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
-from cislunar.estimation.light_curves.model_selection.characterization import Characterization
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    Characterization,
+    characterize,
+)
 from cislunar.estimation.light_curves.model_selection.in_loop import (
-    characterized,
     report_points,
     reported_points,
     status_of,
@@ -141,9 +143,11 @@ class BatchEstimator:
         self._index = index
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "BatchEstimator":
-        """An estimator with tracks of its own; it shares the constants."""
+        """An estimator with tracks of its own; it shares the constants, and the models of light
+        curves, since nothing changes them."""
         new = copy(self)
-        new._rng, new._tracks = deepcopy(self._rng, memo), self._tracks.copied(memo)
+        memo |= {id(model): model for model in self._tracks.models}
+        new._rng, new._tracks = deepcopy(self._rng, memo), deepcopy(self._tracks, memo)
         return new
 
     @property
@@ -202,10 +206,10 @@ class BatchEstimator:
         light curve. `rngs` has a generator for each target."""
         healthy = self._tracks.fit.condition == HEALTHY
         return [
-            characterized(self._tracks.selections[j], *self.light_curve(j)[:2], rng)
-            if healthy[j]
+            characterize(each.selected, *self.light_curve(j)[:2], rngs[j])
+            if healthy[j] and each is not None
             else None
-            for j, rng in enumerate(rngs)
+            for j, each in enumerate(self._tracks.selections)
         ]
 
     @property
@@ -322,7 +326,7 @@ class BatchEstimator:
             selection = updated_selection(*given, known)
             elapsed = (self._index - int(tracks.fit.epoch[j])) * self._scene.step_s
             room = tracks.points[j][2].size
-            points, count = reported_points(selection, model, elapsed, room)
+            points, count = reported_points(selection.selected, model, elapsed, room)
             tracks.selections[j], tracks.points[j] = selection, points
             tracks.fit.points[j] = count
             if out.sigma.shape[1] > 0:
@@ -385,7 +389,6 @@ def batch(
     if isinstance(settings, str):
         require_choice("settings", settings, PRESETS)
         settings = PRESETS[settings]
-
     given = {"settings": settings, "process_noise": process_noise, "splitting": splitting}
 
     def make(scene, surfaces, sensor, initial, rng, forces):

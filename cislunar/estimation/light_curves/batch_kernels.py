@@ -131,20 +131,9 @@ def _use(
     detected = np.isfinite(magnitude + ra + dec)
     used = False
     if detected:
-        axes = scene.observer_axes[k]
-        observation = ra, dec, variance[1:], place, axes
-        outcome = use_direction(
-            mixture,
-            j,
-            translation,
-            root,
-            observation,
-            limits.half_field,
-            k,
-            scene,
-            constants.translation,
-            work,
-        )
+        observation = ra, dec, variance[1:], place, scene.observer_axes[k]
+        given = observation, limits.half_field, k, scene, constants.translation, work
+        outcome = use_direction(mixture, j, translation, root, *given)
         used = outcome == ACCEPTED
         if used:
             counters[UPDATES] += 1

@@ -1,7 +1,6 @@
 """State of the targets of the batch estimator."""
 
-from copy import deepcopy
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_poin
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.in_loop import Selection
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
-from cislunar.estimation.track_arrays import copied_tracks
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 
@@ -39,16 +37,6 @@ class BatchTracks(NamedTuple):
     points: list[tuple[Array, ...]]
     data: list[Array]
     selections: list[Selection | None]
-
-    def copied(self, memo: dict[int, Any]) -> "BatchTracks":
-        """The tracks with arrays and generators of their own, see `copy.deepcopy`. The models are
-        shared, since nothing changes them."""
-        arrays = copied_tracks(self._replace(models=[], rngs=[], selections=[]))
-        return arrays._replace(
-            models=list(self.models),
-            rngs=deepcopy(self.rngs, memo),
-            selections=deepcopy(self.selections, memo),
-        )
 
     def make_room(self, j: int, rows: int) -> None:
         """Enlarge the data array of a target; it doubles, so that copies are rare."""

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
-from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.levenberg_marquardt import (
     INITIAL_DAMPING,
     WARM_DAMPING,
@@ -26,7 +25,7 @@ from cislunar.estimation.light_curves.light_curve import (
     initial_state,
     propagated_parameters,
 )
-from cislunar.estimation.light_curves.row_blocks import ROTATION
+from cislunar.estimation.light_curves.row_blocks import ROTATION, make_cost_work
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ Gauss-Newton Hessian H a step solves ``(H + lambda diag H) s = -g`` (Levenberg 1
 import numpy as np
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
-from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.light_curve import derivatives_with
+from cislunar.estimation.light_curves.row_blocks import make_cost_work
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 INITIAL_DAMPING = 1e-2

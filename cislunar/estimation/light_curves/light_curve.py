@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.parameter_deviations import (
     COLUMNS,
     TURN_IF_KNOWN,
@@ -31,7 +31,6 @@ from cislunar.attitude.parameter_deviations import (
 )
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import njit, njit_alloc, njit_noalloc
-from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
@@ -42,6 +41,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     add_products,
     fill_block,
     fold,
+    make_cost_work,
     parameter_rows,
     pull_back,
     pull_back_matrix,
@@ -109,7 +109,7 @@ def initial_state(u, model, quaternion, omega):
     parameters."""
     sigma, q = model.sigma, model.quaternion
     d1, d2, d3, d4 = quaternion_from_grp_components(
-        sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2], GRP_A, GRP_F
+        sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2]
     )
     quaternion[0], quaternion[1], quaternion[2], quaternion[3] = multiply_components(
         d1, d2, d3, d4, q[0], q[1], q[2], q[3]
@@ -152,11 +152,8 @@ def set_motion(u, model, with_columns, work):
     carried = propagated_parameters(model)
     for c in range(ROTATION, carried):
         work.amounts[c] = model.sigma[c] * u[c]
-    amounts, assumed_inertia = (
-        work.amounts[ROTATION:carried],
-        (model.inertia, model.inverse_inertia),
-    )
-    perturbed_rotation(model.rotation_kinds, amounts, *assumed_inertia, work.body)
+    amounts, assumed = work.amounts[ROTATION:carried], (model.inertia, model.inverse_inertia)
+    perturbed_rotation(model.rotation_kinds, amounts, *assumed, work.body)
     if not model.even:
         begin_track(work.track, work.times, work.start, work.omega, work.body, with_columns)
 

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from cislunar.attitude.attitude_integrator import TURN_PER_STEP, carry_rotation
 from cislunar.attitude.grp import (
-    GRP_A,
-    GRP_F,
     grp_from_quaternion_components,
     quaternion_from_grp_components,
 )
@@ -89,14 +87,14 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
         for i in range(n):
             q = quaternion[i]
             d1, d2, d3, d4 = multiply_components(q[0], q[1], q[2], q[3], -m[0], -m[1], -m[2], m[3])
-            x, y, z = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
+            x, y, z = grp_from_quaternion_components(d1, d2, d3, d4)
             differences[i, 0], differences[i, 1], differences[i, 2] = x, y, z
             p1 += weight[i] * x
             p2 += weight[i] * y
             p3 += weight[i] * z
         if repeat == _RECENTERINGS:
             break
-        d1, d2, d3, d4 = quaternion_from_grp_components(p1, p2, p3, GRP_A, GRP_F)
+        d1, d2, d3, d4 = quaternion_from_grp_components(p1, p2, p3)
         d1, d2, d3, d4 = multiply_components(d1, d2, d3, d4, m[0], m[1], m[2], m[3])
         scale = 1.0 / np.sqrt(d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4)
         mean_quaternion[0], mean_quaternion[1] = scale * d1, scale * d2

@@ -7,13 +7,17 @@ velocity; the map from there to the estimated parameters is applied to the sums.
 follow these six, already in their units.
 """
 
-import numpy as np
+from typing import NamedTuple
 
-from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.attitude.grp import pull_back_to_grp
 from cislunar.attitude.parameter_deviations import (
     FIRST_DEVIATION,
     ends_of,
     extend_track,
+    make_track,
     weigh_ends,
 )
 from cislunar.attitude.quaternion import multiply_components, rotate_components
@@ -21,6 +25,8 @@ from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
+
+Array = NDArray[np.float64]
 
 ROTATION = 6
 """Number of parameters of the rotation: attitude error (GRP) and angular velocity at the epoch, in
@@ -43,16 +49,39 @@ _MOTION_ROWS = _DERIVATIVE + ROTATION
 _ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + ROTATION
 
 
-@njit(cache=True, inline="always")
-def work_rows(size):
-    """Rows of a block's work, of which the derivatives by the parameters are the last."""
-    return _DERIVATIVE + size
+class _CostWork(NamedTuple):
+    """Scratch of the cost, reused from call to call.
+    `start` (4,), `omega` (3,): attitude and angular velocity at the epoch. `body`: inertia, its
+    inverse and the forced acceleration. `amounts` (n,): rotation deviations. `track`, `times`: see
+    `cislunar.attitude.parameter_deviations.begin_track`. `block`, `rows`, `products`: magnitudes of
+    a block, its other rows, and sums of products of derivatives."""
+
+    start: Array
+    omega: Array
+    body: tuple[Array, Array, Array]
+    amounts: Array
+    track: Array
+    times: Array
+    block: Array
+    rows: Array
+    products: Array
 
 
-@njit(cache=True, inline="always")
-def sum_rows(size):
-    """Number of products of pairs of derivatives, and of derivatives times slope."""
-    return size * (size + 1) // 2 + size
+@njit_alloc
+def make_cost_work(size):
+    """Scratch for this number of estimated parameters."""
+    track, times = make_track()
+    return _CostWork(
+        np.empty(4),
+        np.empty(3),
+        (np.empty((3, 3)), np.empty((3, 3)), np.empty(3)),
+        np.empty(size),
+        track,
+        times,
+        np.empty((BLOCK_ROWS, LANES)),
+        np.empty((_DERIVATIVE + size, LANES)),
+        np.empty((size * (size + 1) // 2 + size, LANES)),
+    )
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -199,7 +228,7 @@ def _add_products(w, s, count, size):
 
 @njit_noalloc
 def add_products(work, count, sums):
-    """Add a block's products of derivatives to the sums (`sum_rows`, LANES), lane by lane."""
+    """Add a block's products of derivatives to the sums (n (n + 3) / 2, LANES), lane by lane."""
     size = work.shape[0] - _DERIVATIVE
     if size == ROTATION:  # the common case, with all shapes known to the compiler
         s = sums.reshape((_ROTATION_SUMS, LANES))
@@ -218,7 +247,7 @@ def pull_back_matrix(u, start, sigma):
         turn[0], turn[1], turn[2] = rotate_components(
             start[0], start[1], start[2], start[3], 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2)
         )
-        by_grp = pull_back_to_grp(p, turn, GRP_A, GRP_F)
+        by_grp = pull_back_to_grp(p, turn)
         for c in range(3):
             matrix[c, i] = sigma[c] * by_grp[c]
         matrix[3 + i, 3 + i] = sigma[3 + i]

@@ -110,13 +110,6 @@ def _estimates(
     )
 
 
-def _begin_impulse(own: tuple[Array, Array, Array]) -> None:
-    """Begin the first hypothesis of all targets."""
-    sensitivity, gradient, information = own
-    sensitivity[:, 0], gradient[:, 0], information[:, 0] = 0.0, 0.0, 0.0
-    sensitivity[:, 0, 3:] = np.eye(3)
-
-
 class ManeuverTest:
     """The test of all targets, from interval to interval.
 
@@ -161,7 +154,7 @@ class ManeuverTest:
         self._process = noise_of_step(process_noise, scene.step_s)
         # within the window are as many hypothesized times as intervals, and one
         self._own = _arrays(n_targets, 1 + int(window * 60.0 / minutes + 1e-9))
-        _begin_impulse(self._own)
+        self._own[0][:, 0, 3:] = np.eye(3)  # the first hypothesis begins
 
     def advance(
         self, start: OrbitEstimates, measurements: Measurements, found: Estimates
@@ -303,7 +296,7 @@ def planned_information(
     if spacing < 1:
         raise ConfigurationError(f"spacing_minutes = {minutes:g} is shorter than a step")
     own = _arrays(states.shape[0], n_steps // spacing + 1)
-    _begin_impulse(own)
+    own[0][:, 0, 3:] = np.eye(3)  # the first hypothesis begins
     n_rows, n_targets = variance.size, states.shape[0]
     whitened = np.zeros((n_rows, own[1].shape[1], 2, 3))
     records = Measurements(

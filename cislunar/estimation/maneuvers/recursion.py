@@ -207,11 +207,8 @@ def _scan_target(j, first, model, records, orbit, own, settings, planned, out, w
         for row in range(offset[i], offset[i + 1]):
             if not used[row]:
                 continue
-            o, value, variance = (
-                records.observer[row],
-                records.value[row],
-                records.variance[row, 1:],
-            )
+            o, value = records.observer[row], records.value[row]
+            variance = records.variance[row, 1:]
             if planned:
                 # the covariance alone: there is no measurement yet
                 copy_into(mean[i], state)

@@ -101,11 +101,8 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
         for row in range(offset[i], offset[i + 1]):
             if not used[row]:
                 continue
-            o, value, variance = (
-                records.observer[row],
-                records.value[row],
-                records.variance[row, 1:],
-            )
+            o, value = records.observer[row], records.value[row]
+            variance = records.variance[row, 1:]
             linearize(place, value, o, k, scene, observers, work)
             _consider(place, whole, cross, parameter_variance, variance, o, observers, work, gain)
             follow(state, before, value, variance, o, k, scene, work)

@@ -5,7 +5,6 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "blocks": ["add_edges", "find_corners", "gather", "make_sight", "resolve_edges", "settle"],
-    "concatenated": ["joined_shadows"],
-    "table": ["STEPS", "Shadows", "no_shadows", "shadow_table"],
+    "table": ["STEPS", "Shadows", "joined_shadows", "no_shadows", "shadow_table"],
 })
 # fmt: on

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.attitude import grp
-from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose
+from cislunar.attitude.rigid_body import propagate_attitudes
 from cislunar.compiled import njit, njit_noalloc
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Prediction, Rotation

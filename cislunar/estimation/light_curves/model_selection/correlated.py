@@ -38,6 +38,7 @@ determinant of the Gauss-Newton matrix (restricted maximum likelihood, Harville 
 likelihood keeps a given f and tau, since it would estimate the tempering.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +98,10 @@ class ModelError(NamedTuple):
     beta: float = 1.0
 
 
+MERGE_DISTANCE = 2.0
+"""Squared distance of two minima, in variances, below which they are one."""
+
+
 class Minimum(NamedTuple):
     """A minimum of a cost: parameters `u` (p,) in prior standard deviations, Gauss-Newton matrix,
     Laplace's approximation of the logarithm of the evidence up to a constant, factor on the noise
@@ -107,6 +112,19 @@ class Minimum(NamedTuple):
     log_evidence: float
     noise_factor: float = 1.0
     tau: float = 0.0
+
+
+def distinct_minima(minima: Iterable[Minimum]) -> list[Minimum]:
+    """Minima of finite evidence, best first, without those that are one with a better one."""
+    kept: list[Minimum] = []
+    for each in sorted(minima, key=lambda one: -one.log_evidence):
+        apart = all(
+            (each.u - other.u) @ other.information @ (each.u - other.u) >= MERGE_DISTANCE
+            for other in kept
+        )
+        if np.isfinite(each.log_evidence) and apart:
+            kept.append(each)
+    return kept
 
 
 def bins_of_rows(data: Array, most: int) -> Bins:
@@ -319,9 +337,7 @@ class CorrelatedFit:
             return -0.5 * float(np.log(of_noise)) if self._freedom > 0.0 else 0.0
         found = 0.0
         if self._freedom > 0.0:
-            found, of_tau = (
-                -0.5 * float(np.log(of_noise)),
-                of_tau - self._information[0, 1] ** 2 / of_noise,
-            )
+            found = -0.5 * float(np.log(of_noise))
+            of_tau = of_tau - self._information[0, 1] ** 2 / of_noise
         wide = np.log(self._limits[1] / self._limits[0])
         return found + float(min(0.5 * np.log(2.0 * np.pi / of_tau) - np.log(wide), 0.0))

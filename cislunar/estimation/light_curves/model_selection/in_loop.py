@@ -6,7 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.estimation.light_curves.hypotheses import Hypotheses
+from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
+from cislunar.estimation.light_curves.hypotheses import (
+    Hypotheses,
+    mixture_points,
+    prior_hypotheses,
+)
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.mixture import (
     mixture_moments,
@@ -16,18 +21,19 @@ from cislunar.estimation.light_curves.mixture import (
 from cislunar.estimation.light_curves.model_selection.characterization import (
     AMBIGUOUS,
     UNKNOWN_BODY,
-    Characterization,
     agreement,
     attitude_status,
-    characterize,
 )
 from cislunar.estimation.light_curves.model_selection.ladder import (
     narrowed,
     refitted,
     select_model,
 )
-from cislunar.estimation.light_curves.model_selection.report import points_of
-from cislunar.estimation.light_curves.model_selection.rungs import SelectedModel
+from cislunar.estimation.light_curves.model_selection.rungs import (
+    UNKNOWN_SHAPE,
+    SelectedModel,
+    model_of_rung,
+)
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 
@@ -36,6 +42,10 @@ Array = NDArray[np.float64]
 _SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.5
 """Factors by which a light curve grows until all models are searched again, and until the modes of
 models with a model error are fitted again."""
+
+_FRAME_ANGLE = np.sqrt(3.0) * np.deg2rad(5.0)
+"""Angle, rad, of six equally weighted rotations, two about each axis, with which the body frame of
+an unknown shape has a standard deviation of 5 deg about each axis (empirical)."""
 
 
 class Selection(NamedTuple):
@@ -95,21 +105,50 @@ def updated_selection(
 
 
 def reported_points(
-    selection: Selection, model: LightCurveModel, elapsed_s: float, room: int
+    selected: SelectedModel, model: LightCurveModel, elapsed_s: float, room: int
 ) -> tuple[tuple[Array, ...], int]:
     """Attitude, angular velocity, weight and rotation deviations of the points of a selection at a
     time after the epoch, in arrays of at least `room` points, and the number of points."""
-    points = points_of(selection.selected, model)
-    count = points.weight.size
-    size = max(count, room)
-    out = []
-    for each in points[:4]:
-        array = np.zeros((size, *each.shape[1:]))
+    points = _points_of(selected, model)
+    count = points[2].size
+    out = tuple(np.zeros((max(count, room), *each.shape[1:])) for each in points)
+    for array, each in zip(out, points, strict=True):
         array[:count] = each
-        out.append(array)
     quaternion, omega, _, deviations = out
     step_points(quaternion[:count], omega[:count], deviations[:count], elapsed_s, model)
-    return tuple(out), count
+    return out, count
+
+
+def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, ...]:
+    """Weighted points of the posterior at the epoch, with its mean and covariance: attitudes (n,
+    4), angular velocities (n, 3), weights (n,) and rotation deviations (n, m)."""
+    parts = []
+    for candidate, share in zip(selected.candidates, selected.weight, strict=True):
+        own = model_of_rung(model, candidate.rung)
+        modes = prior_hypotheses(1, own.sigma.size)
+        modes.u[0] = candidate.minimum.u
+        modes.root[0] = np.linalg.cholesky(candidate.minimum.information)
+        size = 2 * (ROTATION + own.rotation_kinds.size)
+        shapes = (size, 4), (size, 3), (size,), (size, own.rotation_kinds.size)
+        quaternion, omega, weight, deviations = (np.empty(shape) for shape in shapes)
+        mixture_points(modes, own, quaternion, omega, weight, deviations)
+        parts.append((quaternion, omega, weight * share, deviations))
+    points = tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+    return _of_uncertain_frames(*points) if selected.rung in UNKNOWN_SHAPE else points
+
+
+def _of_uncertain_frames(
+    quaternion: Array, omega: Array, weight: Array, deviations: Array
+) -> tuple[Array, ...]:
+    """The points in body frames that are rotated about each axis, with the variance of an uncertain
+    frame. Angular velocities are rotated as well, so that the rotations remain constant in time."""
+    parts = []
+    for axis in range(3):
+        for angle in (_FRAME_ANGLE, -_FRAME_ANGLE):
+            turn = from_rotation_vector(angle * np.eye(3)[axis])
+            turned = compose(turn, quaternion), omega @ attitude_matrix(turn).T
+            parts.append((*turned, weight / 6.0, deviations))
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
 def report_points(
@@ -136,10 +175,3 @@ def status_of(
     mode = (mode * np.sign(mode @ mode[:, 0, :, None])).sum(axis=1)  # the points are close together
     mode /= np.linalg.norm(mode, axis=1, keepdims=True)
     return AMBIGUOUS if hypotheses.count[2] else agreement(mode, hypotheses.weight[:live])
-
-
-def characterized(
-    selection: Selection | None, data: Array, model: LightCurveModel, rng: np.random.Generator
-) -> Characterization | None:
-    """Characterization of a target by its light curve; None without any."""
-    return None if selection is None else characterize(selection.selected, data, model, rng)

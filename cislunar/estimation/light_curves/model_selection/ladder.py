@@ -22,11 +22,13 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings, Searc
 from cislunar.estimation.light_curves.hypotheses import prior_hypotheses, search
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.correlated import (
+    MERGE_DISTANCE,
     Bins,
     CorrelatedFit,
     Minimum,
     ModelError,
     bins_of_rows,
+    distinct_minima,
 )
 from cislunar.estimation.light_curves.model_selection.residual_tests import explains
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
@@ -56,7 +58,6 @@ _SCREENED = "medium deviations"
 _MOST_MODES = 32
 _REFITTED_SHARE = 0.99
 """Share of the posterior whose modes are fitted again to a longer light curve."""
-_MERGE_DISTANCE = 2.0
 _FIRST_ROWS, _GROWTH = 12, 1.5
 """Rows of the first search, and the factor by which the rows grow from search to search."""
 
@@ -128,7 +129,8 @@ def select_model(
             "light curve: the choice of a model needs detections and no other rows; leave out "
             "non-detections and targets that were never seen"
         )
-    with _one_thread():
+    # several threads of linear algebra are slower at this size, and round otherwise
+    with threadpool_limits(limits=1):
         return _Selection(data, model, rng, settings, previous, modes).run()
 
 
@@ -144,7 +146,7 @@ def refitted(
     for each in selected.candidates[:count]:
         modes.setdefault((each.rung, each.error), []).append(each.minimum)
     found = []
-    with _one_thread():
+    with threadpool_limits(limits=1):
         for (rung, error), own in modes.items():
             given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
             found += selection.fit(rung, error, *given)
@@ -165,16 +167,11 @@ def narrowed(
     their previous modes and those of the model; None if their residuals are not those of the noise.
     See `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
-    with _one_thread():
+    with threadpool_limits(limits=1):
         selection = _Selection(data, model, rng, settings, selected, modes)
         given = settings.warm_iterations
         found = [each for rung in EXACT for each in selection.near_modes(rung, given)]
         return selection.weighed(found) if selection.explained(found) else None
-
-
-def _one_thread() -> threadpool_limits:
-    """Several threads of linear algebra are slower at this size, and round otherwise."""
-    return threadpool_limits(limits=1)
 
 
 class _Selection:
@@ -216,15 +213,7 @@ class _Selection:
             none = settings.no_error_share
             share = none if error.tau == 0.0 else (1.0 - none) / len(settings.lengths)
             found = [e._replace(log_evidence=e.log_evidence + np.log(share)) for e in found]
-        found.sort(key=lambda each: -each.log_evidence)
-        kept: list[Minimum] = []
-        for each in found:
-            apart = all(
-                (each.u - other.u) @ other.information @ (each.u - other.u) >= _MERGE_DISTANCE
-                for other in kept
-            )
-            if np.isfinite(each.log_evidence) and apart:
-                kept.append(each)
+        kept = distinct_minima(found)
         return [Candidate(rung, error._replace(tau=each.tau), each) for each in kept]
 
     def start(self, rung: str, candidate: Candidate) -> Array:
@@ -280,7 +269,7 @@ class _Selection:
             inverse = np.linalg.inv(each.minimum.information)[:ROTATION, :ROTATION]
             for other, covariance in kept:
                 apart = each.minimum.u[:ROTATION] - other.minimum.u[:ROTATION]
-                if apart @ solve(inverse + covariance, apart, assume_a="pos") < _MERGE_DISTANCE:
+                if apart @ solve(inverse + covariance, apart, assume_a="pos") < MERGE_DISTANCE:
                     break
             else:
                 kept.append((each, inverse))

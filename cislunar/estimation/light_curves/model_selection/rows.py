@@ -3,13 +3,17 @@
 import numpy as np
 
 from cislunar.compiled import njit_alloc, njit_noalloc
-from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.light_curve import (
     differentiate_block,
     set_motion,
     surface_and_shares,
 )
-from cislunar.estimation.light_curves.row_blocks import ROTATION, parameter_rows, pull_back_matrix
+from cislunar.estimation.light_curves.row_blocks import (
+    ROTATION,
+    make_cost_work,
+    parameter_rows,
+    pull_back_matrix,
+)
 from cislunar.photometry.facet_blocks import LANES, MAGNITUDE, SUN, VIEW
 
 

@@ -41,6 +41,7 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     area_albedo_of,
     require_rows,
 )
+from cislunar.estimation.light_curves.model_selection.correlated import Minimum, distinct_minima
 from cislunar.estimation.light_curves.model_selection.ladder import search_modes
 from cislunar.estimation.light_curves.model_selection.rungs import model_of_rung
 from cislunar.estimation.light_curves.row_blocks import (
@@ -71,8 +72,6 @@ _AMPLITUDE_ERROR, _SIZE_ERROR = 0.6, 0.2
 """Standard deviations of amplitude and mean magnitude, in those of a magnitude (empirical)."""
 _WIDE = 1.96
 _DRAWS = 100
-_SAME_MODE = 2.0
-"""Squared distance, in variances, below which two minima are one."""
 
 
 class SpinPeriod(NamedTuple):
@@ -181,14 +180,15 @@ def spin_period(
     own = model_of_rung(model, _RUNG)._replace(**changed)
     rows[:, WEIGHT] = own.noise_variance / variance
     how = BatchSettings().search_settings()._replace(starts=16, first_starts=32, pool=256)
-    minima: list[tuple[Array, Array, float]] = []
+    minima: list[Minimum] = []
     with threadpool_limits(limits=1):
         for _ in range(searches):
             for u in search_modes(rows, own, how, rng):
-                cost, information = _minimum(u, rows, own)
-                if np.isfinite(cost) and np.linalg.eigvalsh(information)[0] > 0.0:
-                    minima.append((u, information, cost))
-    modes = [_mode(*each, own) for each in _distinct(minima)]
+                found = _minimum(u, rows, own)
+                finite = np.isfinite(found.log_evidence)
+                if finite and np.linalg.eigvalsh(found.information)[0] > 0.0:
+                    minima.append(found)
+    modes = [_mode(each, own) for each in distinct_minima(minima)]
     if modes:
         log_period, sigma, weight = (np.array(each) for each in zip(*modes, strict=True))
         value, low, high = _of_mixture(log_period, sigma, np.exp(weight - weight.max()))
@@ -200,35 +200,26 @@ def spin_period(
     return SpinPeriod(Interval(*(2.0 * np.pi / rates / 3600.0).tolist()), False)
 
 
-def _minimum(u: Array, data: Array, model: LightCurveModel) -> tuple[float, Array]:
-    """Cost and information at a minimum."""
+def _minimum(u: Array, data: Array, model: LightCurveModel) -> Minimum:
+    """A minimum of the cost, which counts as the negative logarithm of its evidence."""
     size = u.size
     gradient, information = np.empty(size), np.empty((size, size))
     anchor = Anchor(np.zeros(size), np.eye(size), np.zeros(1))
-    return float(cost_and_derivatives(u, data, anchor, model, gradient, information)), information
+    cost = float(cost_and_derivatives(u, data, anchor, model, gradient, information))
+    return Minimum(u, information, -cost)
 
 
-def _distinct(minima: list[tuple[Array, Array, float]]) -> list[tuple[Array, Array, float]]:
-    """Distinct minima of several searches, best first."""
-    kept: list[tuple[Array, Array, float]] = []
-    for each in sorted(minima, key=lambda one: one[2]):
-        if all((each[0] - u) @ h @ (each[0] - u) >= _SAME_MODE for u, h, _ in kept):
-            kept.append(each)
-    return kept
-
-
-def _mode(
-    u: Array, information: Array, cost: float, model: LightCurveModel
-) -> tuple[float, float, float]:
+def _mode(minimum: Minimum, model: LightCurveModel) -> tuple[float, float, float]:
     """Logarithm of the period (h) of a minimum, its standard deviation, and its log weight."""
     quaternion, omega = np.empty(4), np.empty(3)
-    initial_state(u, model, quaternion, omega)
+    initial_state(minimum.u, model, quaternion, omega)
     rate = np.linalg.norm(omega)
-    slope = np.zeros(u.size)
+    slope = np.zeros(minimum.u.size)
     slope[3:ROTATION] = omega * model.sigma[3:ROTATION] / rate**2
-    variance = slope @ np.linalg.solve(information, slope)
+    variance = slope @ np.linalg.solve(minimum.information, slope)
     sigma = np.sqrt(_TEMPERING * variance + _PERIOD_ERROR**2)
-    return float(np.log(2.0 * np.pi / rate / 3600.0)), float(sigma), -cost / _TEMPERING
+    log_period = float(np.log(2.0 * np.pi / rate / 3600.0))
+    return log_period, float(sigma), minimum.log_evidence / _TEMPERING
 
 
 def _of_mixture(mean: Array, sigma: Array, weight: Array) -> tuple[float, float, float]:
