@@ -118,9 +118,7 @@ class _Solution(NamedTuple):
     state: tuple[Array, Array]
 
 
-def orbit_paths(
-    fits: OrbitFits, first: float, last: float, *, forces: tuple, step_s: float = _COARSE_S
-) -> OrbitPaths:
+def orbit_paths(fits: OrbitFits, first: float, last: float, *, forces: tuple) -> OrbitPaths:
     """Orbits and covariances of their positions at common times.
 
     Parameters
@@ -131,14 +129,12 @@ def orbit_paths(
         Times between which the paths are sought, nondimensional.
     forces : NamedTuple
         CR3BP or ephemeris forces.
-    step_s : float
-        Largest step, s.
 
     Returns
     -------
     OrbitPaths
     """
-    count = max(1, int(np.ceil((last - first) * TIME_UNIT_S / step_s - 1e-9)))
+    count = max(1, int(np.ceil((last - first) * TIME_UNIT_S / _COARSE_S - 1e-9)))
     time, n = np.linspace(first, last, count + 1), fits.epoch.size
     state, covariance = np.empty((n, time.size, 6)), np.empty((n, time.size, 3, 3))
     for begin in range(0, n, _AT_ONCE):
