@@ -250,7 +250,7 @@ class SurveyCatalog:
         remaining = self._remaining
         if remaining is not None:
             self.orbits = self.orbits._replace(
-                fits=considered(self.orbits.fits, *remaining, forces=self.forces)
+                fits=considered(self.orbits.fits, remaining, forces=self.forces)
             )
         uncertain = {"settings": self.lineage, "radiation_sigma": self.radiation_sigma,
                      "remaining": remaining}  # fmt: skip
@@ -271,8 +271,7 @@ class SurveyCatalog:
         if self.errors.treatment == "calibrated" and np.any(steady):
             self.calibration = calibrate(
                 self.orbits.fits.take(np.flatnonzero(steady)),
-                self._measured,
-                self.scene,
+                remaining,
                 self.errors.assumed,
                 self.calibration,
                 forces=self.forces,
@@ -291,7 +290,7 @@ class SurveyCatalog:
         """Orbits with the covariance that considers the errors of the observers."""
         fits = fit_orbits(angles, *given, forces=forces)
         remaining = self._remaining
-        return fits if remaining is None else considered(fits, *remaining, forces=forces)
+        return fits if remaining is None else considered(fits, remaining, forces=forces)
 
     def _watch(self) -> Watch | None:
         """Where exposures have looked, if this is known."""
