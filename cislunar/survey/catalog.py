@@ -71,12 +71,12 @@ _BLOCK_S = 1200.0
 class Predictions(NamedTuple):
     """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
     propagation frame; `existence` (orbit,), the probability that the orbit is of an object; and
-    `detections` (orbit,), their number so far, if it is known."""
+    `detections` (orbit,), their number so far."""
 
     state: Array
     covariance: Array
     existence: Array
-    detections: Indices | None = None
+    detections: Indices
 
 
 class SurveyCatalog:

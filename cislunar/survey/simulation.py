@@ -40,7 +40,7 @@ from cislunar.survey.catalog import Predictions, SurveyCatalog
 from cislunar.survey.characterization import CharacterizedOrbit, characterize_orbits
 from cislunar.survey.density import ObjectDensity
 from cislunar.survey.fields import Views, detection_probability, views
-from cislunar.survey.planning import KnownOrbits, SearchPlanner, Visits
+from cislunar.survey.planning import SearchPlanner, Visits
 from cislunar.survey.quality import (
     CatalogState,
     catalog_state,
@@ -259,7 +259,7 @@ class _Survey:
         fields = self.planner.fields_of(seen)
         now = self.catalog.predict(middle * scene.step)
         weight = self._without_pending()
-        visits = self.planner.plan(middle, weight, fields, chance, *self._known(now, middle))
+        visits = self.planner.plan(middle, weight, fields, chance, now, *self._drawn(now, middle))
         exposures = self.planner.exposures(visits, start + 1)
         detections, origin = self.world.observe(block, start, n, exposures)
         self.n_exposures += exposures.step.size
@@ -299,8 +299,8 @@ class _Survey:
         loss = self.settings.process.detection_loss
         return detection_probability(seen.margin, size_m2, self.sigma, loss)
 
-    def _known(self, now: Predictions, middle: int) -> tuple[KnownOrbits, Indices, Array]:
-        """Predicted orbits, and the fields and probabilities of their samples."""
+    def _drawn(self, now: Predictions, middle: int) -> tuple[Indices, Array]:
+        """Fields and probabilities (observer, orbit, draw) of samples of predicted orbits."""
         position, covariance = now.state[:, :3], now.covariance[:, :3, :3]
         value, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(value, 0.0))[:, None]
@@ -308,9 +308,7 @@ class _Survey:
         seen = self.views(middle, sample.reshape(-1, 3))
         chance = self._probability(seen, self.settings.prior.median_size_m2)
         shape = (len(self.planner.grids), len(position), _DRAWS)
-        fields = self.planner.fields_of(seen).reshape(shape)
-        known = KnownOrbits(position, covariance, now.existence, sample, now.detections)
-        return known, fields, chance.reshape(shape)
+        return self.planner.fields_of(seen).reshape(shape), chance.reshape(shape)
 
     def _update(self, block: _Block, exposure: Indices, angles: Angles) -> None:
         """Update the density by the exposures and the detections that no orbit explains."""
