@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "angles": ["Angles", "POSITION_COLUMNS", "angles_from_table", "frame_rate", "make_angles",
         "tangent_basis"],
     "attribution": ["concatenate_fits", "tracklet_matches"],
-    "common_time": ["orbits_at", "same_states", "squared_distances"],
+    "common_time": ["orbits_at", "propagated", "same_states", "squared_distances"],
     "initial_orbits": ["InitialOrbitSettings", "InitialOrbits", "initial_orbits", "refit_at"],
     "least_squares": ["CONVERGED", "NOT_CONVERGED", "NOT_PROPAGATED", "OrbitFits", "SINGULAR",
         "fit_orbits"],

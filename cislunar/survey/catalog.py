@@ -273,7 +273,6 @@ class SurveyCatalog:
                 self.orbits.fits.take(np.flatnonzero(steady)),
                 remaining,
                 self.errors.assumed,
-                self.calibration,
                 forces=self.forces,
                 radiation_sigma=self.radiation_sigma,
             )
@@ -308,12 +307,12 @@ class SurveyCatalog:
         if self._predicted is None:
             current = [k for k, each in enumerate(self.status) if each == CURRENT]
             fits = self.orbits.fits.take(current)
-            starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
+            starts = fits[:3]
             existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
             count = np.diff(fits.begin)
         else:
             before, last = self._predicted
-            starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
+            starts = np.full(len(last.state), before), last.state, last.covariance
             existence, count = last.existence, last.detections
         states, covariances, kept = orbits_at(starts, time, self.forces)
         found = Predictions(states, covariances, existence[kept], count[kept])

@@ -10,7 +10,7 @@ from cislunar.dynamics import EARTH_MOON, propagate_many
 from cislunar.dynamics.ephemeris_forces import ephemeris_forces
 from cislunar.ephemeris import tabulate_bodies, tdb_seconds
 from cislunar.estimation.navigation import ObserverErrorSigma
-from cislunar.orbit_determination import fit_orbits, make_angles
+from cislunar.orbit_determination import fit_orbits, make_angles, propagated
 from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import maneuvers_within
 from cislunar.survey.navigation import (
@@ -20,7 +20,7 @@ from cislunar.survey.navigation import (
     corrected_angles,
     uncalibrated,
 )
-from cislunar.survey.navigation.paths import by_radiation, propagated
+from cislunar.survey.navigation.paths import by_radiation
 
 START, SIGMA, DEVIATION, OBJECTS = tdb_seconds("2024-10-01T00:00:00"), np.pi / 648_000.0, 0.3, 24
 DAYS, OBSERVERS, STEP_S = 5, 3, 7_200.0

@@ -35,8 +35,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits
-from cislunar.survey.navigation import propagated
+from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]

@@ -33,14 +33,9 @@ from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import Angles, OrbitFits
+from cislunar.orbit_determination import Angles, OrbitFits, propagated
 from cislunar.survey.maneuvers.lineage import Lineage, moments
-from cislunar.survey.navigation import (
-    ObservedPath,
-    RemainingErrors,
-    observed_path,
-    propagated,
-)
+from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_path
 from cislunar.survey.settings import LineageSettings
 
 Array = NDArray[np.float64]
