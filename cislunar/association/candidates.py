@@ -22,7 +22,6 @@ from math import erf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
@@ -44,8 +43,7 @@ from cislunar.observation.sightline import (
     sphere_margin,
     wrap_angle,
 )
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _POINTS = 13
 _AT_LEAST = 1e-4

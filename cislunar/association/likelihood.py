@@ -14,12 +14,11 @@ a target (Blackman & Popoli 1999, Design and Analysis of Modern Tracking Systems
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits import observer_library, tracked_targets
 from cislunar.orbits.ephemeris_refined import reference_states
 from cislunar.photometry import Material, icosahedron
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import Array, require_choice
 from cislunar.runtime.netcdf import write_dataset, write_text
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.seeds import generator
@@ -47,8 +47,6 @@ from cislunar.survey import (
 )
 from cislunar.targets import DrawnManeuvers, objects_outside_families
 from cislunar.tasking import TruthModel
-
-Array = NDArray[np.float64]
 
 EPOCH = "2027-03-01T00:00:00"
 DEFAULT_SEED = 2027

@@ -39,9 +39,7 @@ from cislunar.observation.sightline import (
     wrapped,
 )
 from cislunar.observation.target_surfaces import TargetSurfaces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 FALSE_ALARM = -1
 """Origin of a detection that is of no target."""

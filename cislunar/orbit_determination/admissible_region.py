@@ -28,9 +28,8 @@ from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.angles import Angles, frame_rate
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.photometry import phase_angle, sphere_magnitude
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import Number, Positive, Section, setting
-
-Array = NDArray[np.float64]
 
 
 class AdmissibleRegion(Section):

@@ -1,15 +1,12 @@
 """Orbits at common times, and which of them have the same state."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.association import gate_threshold
 from cislunar.dynamics import propagate_stm
 from cislunar.errors import CislunarError
 from cislunar.orbit_determination.least_squares import OrbitFits
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _TOLERANCE = 1e-9
 """Of the propagation, relative to one unit of length: half a meter after a week."""

@@ -38,11 +38,8 @@ from cislunar.orbit_determination.verdicts import (
     log_evidence,
     undetermined_directions,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 _SAME = 1e-3
 """Largest difference of positions, relative to the range, of two fits of the same minimum."""

@@ -14,7 +14,7 @@ measured one. Derivatives neglect those of the light time, which are below 1e-4 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit, njit_noalloc
 from cislunar.dynamics import EARTH_MOON, require_span
@@ -22,10 +22,7 @@ from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.runtime.arguments import array_of
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime.arguments import Array, Indices, array_of
 
 CONVERGED, NOT_CONVERGED, SINGULAR, NOT_PROPAGATED = 0, 1, 2, 3
 """Status of a fit. The normal matrix of a singular one has no inverse in double precision; the

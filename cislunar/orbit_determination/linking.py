@@ -50,9 +50,7 @@ from cislunar.orbit_determination.verdicts import (
     separation_probability,
     undetermined_directions,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _CHUNK, _EXTENDED = 500, 100
 """Tracklets whose pairs are scanned at once, and pairs that are extended at once."""

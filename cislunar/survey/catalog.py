@@ -36,6 +36,7 @@ from cislunar.orbit_determination import (
     orbits_at,
     tangent_basis,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.survey.maneuvers import (
     CURRENT,
     FieldHistory,
@@ -54,9 +55,6 @@ from cislunar.survey.navigation import (
     uncalibrated,
 )
 from cislunar.survey.settings import LineageSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _LEAST_COSINE = 1e-3
 """Of the declination, for the covariance of right ascension next to the pole."""

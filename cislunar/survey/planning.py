@@ -38,14 +38,11 @@ from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
 from cislunar.observation import Scene, SensorLimits, angles_of_vectors, unit_vectors
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import require_multiple
 from cislunar.survey.catalog import Predictions
 from cislunar.survey.fields import FieldGrid, Views, views
 from cislunar.survey.settings import DENSITY, STARING, SWEEP, SearchSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 _CONSIDERED = 4
 """Fields that are considered for a round, over those for which it has time."""

@@ -10,7 +10,7 @@ covers objects that no other source resembles.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import (
@@ -24,10 +24,8 @@ from cislunar.dynamics import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import Array, array_of
 from cislunar.survey.settings import SOURCES, DensityPrior
-
-Array = NDArray[np.float64]
 
 _STEP_S = 600.0
 """Step with which samples at rest are propagated."""

@@ -24,11 +24,10 @@ from cislunar.orbit_determination import (
     orbits_at,
     squared_distances,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.settings import QualitySettings
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _LARGEST_NEES = float(chdtri(6, 0.05))

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, Detections, Exposures
@@ -33,7 +33,7 @@ from cislunar.orbit_determination import (
     LinkingSettings,
     is_admissible,
 )
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import Array, Indices, array_of
 from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
 from cislunar.survey.catalog import Predictions, SurveyCatalog
@@ -53,9 +53,6 @@ from cislunar.survey.results import BlockRecord, CatalogRecord, SurveyResult
 from cislunar.survey.settings import SurveyModel
 from cislunar.survey.true_objects import TrueObjects
 from cislunar.tasking import TruthModel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _DRAWS = 8
 """Positions that represent a known orbit's uncertainty in a plan."""

@@ -36,10 +36,8 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
+from cislunar.runtime import Array, Indices
 from cislunar.survey.settings import LineageSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _COARSE_S, _FINE_S = 600.0, 60.0
 """Longest intervals of a search for encounters, and of the integral of equation (1)."""

@@ -17,16 +17,13 @@ with c < 1 because the assumed brightness of a sphere is not that of the body.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import Angles, OrbitFits, implied_size
+from cislunar.runtime import Array, Indices
 from cislunar.survey.fields import detection_probability, views
 from cislunar.survey.maneuvers.lineage import OrbitPaths
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _TRUST = 0.9
 """c of equation (1)."""

@@ -29,14 +29,12 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
+from cislunar.runtime import Array
 from cislunar.survey.navigation.paths import ObservedPath, observed_path
-
-Array = NDArray[np.float64]
 
 _NEAR = 0.1
 """Range at which a position error counts in the variance of angles, nondimensional."""

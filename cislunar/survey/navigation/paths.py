@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from cislunar.dynamics import Radiation
 from cislunar.orbit_determination import Angles, OrbitFits, propagated
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class ObservedPath(NamedTuple):
