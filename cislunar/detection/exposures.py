@@ -25,12 +25,7 @@ from cislunar.compiled import njit, njit_noalloc
 from cislunar.detection.process import DetectionProcess
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, observe
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import (
-    Sensors,
-    limits_of,
-    noise_variance_at,
-    sensor_limits,
-)
+from cislunar.observation.sensor import Sensors, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import (
     angles_of_vectors,
     direction_angles,

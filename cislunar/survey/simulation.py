@@ -27,12 +27,7 @@ from cislunar.detection import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, Sensors, TargetSurfaces, sensor_limits, unit_vectors
-from cislunar.orbit_determination import (
-    AdmissibleRegion,
-    Angles,
-    LinkingSettings,
-    is_admissible,
-)
+from cislunar.orbit_determination import AdmissibleRegion, Angles, LinkingSettings, is_admissible
 from cislunar.runtime.arguments import Array, Indices, array_of
 from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
