@@ -10,7 +10,6 @@ from matplotlib.lines import Line2D
 from cislunar.figures import axes as layout
 from cislunar.figures import labels, style
 from cislunar.figures.tracking import errors
-from cislunar.figures.tracking.norms import error_norms_figure
 
 _COLORS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 _MARKERS = "os^DvP"
@@ -29,7 +28,8 @@ def run_errors_figure(data: xr.Dataset, target: int | None = None) -> Figure:
         Index of the target; by default a few of them, with the reason for each.
     """
     chosen = errors.selected_targets(data) if target is None else {target: "target"}
-    return error_norms_figure(f"{_title(data)}; {labels.realization_text(data)}", data, chosen)
+    title = f"{_title(data)}; {labels.realization_text(data)}"
+    return errors.error_norms_figure(title, data, chosen)
 
 
 @style.house_style()
