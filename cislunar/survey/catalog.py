@@ -82,8 +82,7 @@ class SurveyCatalog:
 
     Parameters
     ----------
-    scene : Scene or None
-        Observers of the exposures for `add`; `add_angles` needs none.
+    scene : Scene
     forces : NamedTuple
         Assumed force model, CR3BP or ephemeris forces.
     process : DetectionProcess
@@ -91,16 +90,16 @@ class SurveyCatalog:
     region : AdmissibleRegion
     linking : LinkingSettings
     tracklets : TrackletSettings
-    lineage : LineageSettings, optional
-        Assumed maneuvers; none if omitted.
-    limits : SensorLimits, optional
-        Of all observers. Without them and a scene, no orbit is lost.
+    lineage : LineageSettings
+        Assumed maneuvers.
+    limits : SensorLimits
+        Of all observers.
     magnitude_sigma : float
         Standard deviation of magnitudes about those of a sphere, mag, for lost orbits.
     radiation_sigma : float
         Standard deviation of the factor of the radiation pressure on an object.
     errors : ObserverErrors, optional
-        Assumed errors of the observers and their treatment, which needs a scene; none if omitted.
+        Assumed errors of the observers and their treatment; none if omitted.
 
     Attributes
     ----------
@@ -112,31 +111,30 @@ class SurveyCatalog:
     calibration : ObserverCalibration or None
         Estimated errors of the observers, as of the last `link`; None without a treatment.
     maneuvers : Lineage or None
-        Orbits before and after maneuvers, as of the last `link`; None without `lineage`.
+        Orbits before and after maneuvers, as of the last `link`; None if none is assumed.
     tracklets : Attributables or None
         All tracklets of the last `link`.
     """
 
     def __init__(
         self,
-        scene: Scene | None,
+        scene: Scene,
         forces: tuple,
         process: DetectionProcess,
         region: AdmissibleRegion,
         linking: LinkingSettings,
         tracklets: TrackletSettings,
         *,
-        lineage: LineageSettings | None = None,
-        limits: SensorLimits | None = None,
-        magnitude_sigma: float = 0.4,
+        lineage: LineageSettings,
+        limits: SensorLimits,
+        magnitude_sigma: float,
         radiation_sigma: float = 0.0,
         errors: ObserverErrors | None = None,
     ) -> None:
         self.scene, self.forces, self.process = scene, forces, process
         self.region, self.linking, self.settings = region, linking, tracklets
-        self.lineage = LineageSettings() if lineage is None else lineage
-        self.limits, self.magnitude_sigma = limits, magnitude_sigma
-        self.radiation_sigma = radiation_sigma
+        self.lineage, self.limits = lineage, limits
+        self.magnitude_sigma, self.radiation_sigma = magnitude_sigma, radiation_sigma
         self.errors = ObserverErrors() if errors is None else errors
         self.calibration: ObserverCalibration | None = None
         if self.errors.treatment != "none":
@@ -291,7 +289,7 @@ class SurveyCatalog:
 
     def _watch(self) -> Watch | None:
         """Where exposures have looked, if this is known."""
-        if self.scene is None or self.limits is None or not self._fields:
+        if not self._fields:
             return None
         fields = FieldHistory(*(np.concatenate(each) for each in zip(*self._fields, strict=True)))
         given = self.magnitude_sigma, self.process.detection_loss, _BLOCK_S

@@ -163,23 +163,9 @@ class _Survey:
     """State of a survey; `run_survey` has the arguments."""
 
     def __init__(
-        self,
-        scene,
-        truth,
-        state,
-        target_ids,
-        seed,
-        density,
-        settings,
-        sensor,
-        forces,
-        outside,
-        record,
-        appears_hours,
-        eclipse,
-        errors,
-        body,
-    ) -> None:
+        self, scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside,
+        record, appears_hours, eclipse, errors, body,
+    ) -> None:  # fmt: skip
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
         self.outside = np.zeros(ids.size, dtype=bool) if outside is None else np.asarray(outside)
