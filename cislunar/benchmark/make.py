@@ -137,7 +137,9 @@ def make_benchmark(
     scenario = _scenario(size if isinstance(size, str) else "custom", chosen)
     forces = scenario.forces()
     tracks = _observer_tracks(chosen, scenario, forces)
-    scene = _scene(tracks, forces)
+    elapsed = _STEP_S * np.arange(tracks.shape[1])
+    bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
+    scene = icrf_scene(tracks[..., :3], bodies, _STEP_S)
     families, states = _objects(chosen, forces, seed)
     recorded = _Recorder(scene, forces, scenario)
     settings = SurveySettings(
@@ -221,13 +223,6 @@ def _observer_tracks(
                 )
             )  # fmt: skip
     return np.array(tracks)
-
-
-def _scene(tracks: Array, forces: EphemerisForces) -> Scene:
-    """Observers whose axes are those of the ICRF."""
-    elapsed = _STEP_S * np.arange(tracks.shape[1])
-    bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
-    return icrf_scene(tracks[..., :3], bodies, _STEP_S)
 
 
 def _objects(size: BenchmarkSize, forces: EphemerisForces, seed: int) -> tuple[list[str], Array]:

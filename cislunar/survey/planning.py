@@ -303,7 +303,8 @@ class SearchPlanner:
         """The fields of L1 and L2, if they are free."""
         earth, moon = self.scene.primaries[index]
         # shares of the way from the Earth to the Moon
-        mu = _mass_ratio(self.scene.primaries[0])
+        first = self.scene.primaries[0]
+        mu = float(np.linalg.norm(first[0]) / np.linalg.norm(first[1] - first[0]))
         share = libration_points(mu)[:2, 0] + mu
         place = earth + share[:, None] * (moon - earth)
         seen = views(self.scene, self.limits, index, place)
@@ -352,8 +353,3 @@ def _tour(steps, start, worth, most):
             size, length = size + 1, length + extra
             for i in range(size):
                 tour[i] = trial[(first + i) % size]
-
-
-def _mass_ratio(primaries: Array) -> float:
-    """Distance of the Earth from the barycenter over that from the Moon."""
-    return float(np.linalg.norm(primaries[0]) / np.linalg.norm(primaries[1] - primaries[0]))
