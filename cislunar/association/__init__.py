@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "candidates": ["Expectation", "find_candidates"],
-    "likelihood": ["gate_threshold", "gaussian_log_likelihood", "log_ratio"],
+    "likelihood": ["gate_threshold", "gaussian_log_likelihood"],
     "maneuvered": ["associate_maneuvered", "reachable"],
     "methods": ["associate"],
     "model": ["ASSOCIATORS", "AssociationModel", "FRAMES", "KNOWN"],

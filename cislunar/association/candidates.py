@@ -22,7 +22,6 @@ from math import erf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
@@ -44,8 +43,7 @@ from cislunar.observation.sightline import (
     sphere_margin,
     wrap_angle,
 )
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _POINTS = 13
 _AT_LEAST = 1e-4
@@ -264,8 +262,7 @@ def find_candidates(
         begin,
         (detections.value, detections.variance, log_other),
     )
-    n_chances = n_pairs = 0
-    while exposures.step.size:
+    while True:
         out = (
             np.empty((room, 2), dtype=np.int64),
             np.empty(room),
@@ -279,12 +276,10 @@ def find_candidates(
         if n_chances >= 0:
             break
         room *= 4
-    else:
-        out = tuple(np.empty((0, *shape)) for shape in ((2,), (), (3,), (2,), (2, n), (2,), ()))
-    chance, probability = out[0][:n_chances].astype(np.int64), out[1][:n_chances]
+    chance, probability = out[0][:n_chances], out[1][:n_chances]
     pair, *rest = (each[:n_pairs] for each in out[2:])
     order, chances = np.lexsort(pair.T[::-1]), np.lexsort(chance.T[::-1])
-    exposure, track, detection = pair[order].T.astype(np.int64)
+    exposure, track, detection = pair[order].T
     return Window(
         np.broadcast_to(np.eye(n), (n_tracks, n, n)),
         exposure,

@@ -14,12 +14,11 @@ a target (Blackman & Popoli 1999, Design and Analysis of Modern Tracking Systems
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:
@@ -67,27 +66,3 @@ def gate_threshold(probability: float, dimension: int) -> float:
     if not 0.0 < probability < 1.0:
         raise ConfigurationError(f"gate_probability = {probability} must lie between 0 and 1")
     return float(chi2.ppf(probability, dimension))
-
-
-def log_ratio(
-    log_likelihood: ArrayLike, detection_probability: ArrayLike, intensity: ArrayLike
-) -> Array:
-    """Log-likelihood ratio of a pair against a false alarm, equation (1).
-
-    Parameters
-    ----------
-    log_likelihood : array_like, shape (pair,)
-        ln N(nu; 0, S) + ln p(magnitude).
-    detection_probability : array_like, shape (pair,)
-        P_D of the track in the exposure.
-    intensity : array_like, shape (pair,)
-        Density of false alarms at the detection, in the unit of the likelihood.
-
-    Returns
-    -------
-    ndarray, shape (pair,)
-        Infinite where false alarms are impossible.
-    """
-    with np.errstate(divide="ignore"):
-        density = np.log(np.asarray(intensity, dtype=float))
-        return np.asarray(log_likelihood) + np.log(detection_probability) - density

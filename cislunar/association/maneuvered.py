@@ -19,16 +19,13 @@ account.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.association.model import AssociationModel
 from cislunar.association.multiple_frames import associate_frames
 from cislunar.association.window import Association, Window
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.estimation.estimator import OrbitEstimates
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _SCALES_M_S = 5.0, 50.0, 500.0
 """Standard deviations of a component of the change of velocity, m/s."""

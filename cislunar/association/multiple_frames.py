@@ -19,8 +19,7 @@ from scipy.sparse import csr_array
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Association, Window, clusters, decided
 from cislunar.compiled import njit, njit_noalloc
-
-Indices = NDArray[np.int64]
+from cislunar.runtime import Indices
 
 _DROP = 20.0
 """Logarithm of the likelihood ratio to the best history of a track from which one is dropped."""

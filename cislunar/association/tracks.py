@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.window import Association, Window
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 TENTATIVE, CONFIRMED, LOST, DELETED = range(4)
 STATUS_NAMES = ("tentative", "confirmed", "lost", "deleted")

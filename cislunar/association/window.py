@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gaussian_log_likelihood
 from cislunar.compiled import njit
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 
 class Window(NamedTuple):

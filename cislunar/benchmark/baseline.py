@@ -34,9 +34,7 @@ from cislunar.orbit_determination import (
     make_angles,
     tracklet_matches,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _CHAIN_GAP = 4.0 * 3600.0 / TIME_UNIT_S
 _CURVATURE = 1e-4 * ARCSECOND * TIME_UNIT_S**2

@@ -25,7 +25,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 import yaml
-from numpy.typing import NDArray
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EphemerisForces, forces_between
@@ -34,11 +33,10 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import checked, observation_table, read_text
 from cislunar.observation import Scene, Sensor, make_scene
 from cislunar.orbit_determination import Angles, angles_from_table
+from cislunar.runtime import Array
 from cislunar.runtime.netcdf import read_dataset, write_text
 from cislunar.runtime.settings_fields import Positive, Section, Text, setting
 from cislunar.survey import SurveyModel
-
-Array = NDArray[np.float64]
 
 SCENARIO, EXPOSURES, DETECTIONS = "scenario.yaml", "exposures.csv", "detections.csv"
 OBSERVERS, ADES, MANIFEST = "observers.oem", "detections.psv", "manifest.json"

@@ -32,7 +32,7 @@ from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits import observer_library, tracked_targets
 from cislunar.orbits.ephemeris_refined import reference_states
 from cislunar.photometry import Material, icosahedron
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import Array, require_choice
 from cislunar.runtime.netcdf import write_dataset, write_text
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.seeds import generator
@@ -47,8 +47,6 @@ from cislunar.survey import (
 )
 from cislunar.targets import DrawnManeuvers, objects_outside_families
 from cislunar.tasking import TruthModel
-
-Array = NDArray[np.float64]
 
 EPOCH = "2027-03-01T00:00:00"
 DEFAULT_SEED = 2027
@@ -139,7 +137,9 @@ def make_benchmark(
     scenario = _scenario(size if isinstance(size, str) else "custom", chosen)
     forces = scenario.forces()
     tracks = _observer_tracks(chosen, scenario, forces)
-    scene = _scene(tracks, forces)
+    elapsed = _STEP_S * np.arange(tracks.shape[1])
+    bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
+    scene = icrf_scene(tracks[..., :3], bodies, _STEP_S)
     families, states = _objects(chosen, forces, seed)
     recorded = _Recorder(scene, forces, scenario)
     settings = SurveySettings(
@@ -223,13 +223,6 @@ def _observer_tracks(
                 )
             )  # fmt: skip
     return np.array(tracks)
-
-
-def _scene(tracks: Array, forces: EphemerisForces) -> Scene:
-    """Observers whose axes are those of the ICRF."""
-    elapsed = _STEP_S * np.arange(tracks.shape[1])
-    bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
-    return icrf_scene(tracks[..., :3], bodies, _STEP_S)
 
 
 def _objects(size: BenchmarkSize, forces: EphemerisForces, seed: int) -> tuple[list[str], Array]:

@@ -36,11 +36,9 @@ from cislunar.orbit_determination import (
     OrbitFits,
     TrackletSettings,
 )
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import Array, require_choice
 from cislunar.runtime.netcdf import write_text
 from cislunar.survey import LineageSettings, SurveyCatalog
-
-Array = NDArray[np.float64]
 
 REFERENCE_METHODS = ("survey-catalog", "nearest-neighbor")
 """Of `cislunar.survey.SurveyCatalog` and of `NearestNeighborCatalog`."""

@@ -30,9 +30,7 @@ from cislunar.detection import FALSE_ALARM
 from cislunar.errors import InputFileError
 from cislunar.evaluation import Custody, catalog_quality
 from cislunar.evaluation.gospa import Gospa, gospa
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 CUTOFF_KM = 100.0
 """Distance from which on a catalog object is none of an object's."""

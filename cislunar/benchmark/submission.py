@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.benchmark.files import BenchmarkScenario, dates
 from cislunar.dynamics import recenter
 from cislunar.ephemeris import BodyTable, tdb_seconds
 from cislunar.errors import CislunarError, InputFileError
 from cislunar.exchange import CENTERS, Segment, named_rows, read_ocm, read_oem, read_segments
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 ASSIGNMENTS, OBJECTS = "assignments.csv", "objects.csv"
 

@@ -25,12 +25,7 @@ from cislunar.compiled import njit, njit_noalloc
 from cislunar.detection.process import DetectionProcess
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, observe
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import (
-    Sensors,
-    limits_of,
-    noise_variance_at,
-    sensor_limits,
-)
+from cislunar.observation.sensor import Sensors, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import (
     angles_of_vectors,
     direction_angles,
@@ -39,9 +34,7 @@ from cislunar.observation.sightline import (
     wrapped,
 )
 from cislunar.observation.target_surfaces import TargetSurfaces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 FALSE_ALARM = -1
 """Origin of a detection that is of no target."""

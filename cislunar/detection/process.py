@@ -1,11 +1,9 @@
 """False alarms and lost detections. Nothing here needs compiled kernels."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import NotNegative, Section, number, setting
-
-Array = NDArray[np.float64]
 
 
 class DetectionProcess(Section):

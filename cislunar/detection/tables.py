@@ -16,8 +16,7 @@ from cislunar.exchange.observations import checked, observation_dates, require
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
 from cislunar.observation.sightline import angles_of_vectors, unit_vectors
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 EXPOSURE_COLUMNS = ("expID", "stn", "obsTime", "ra", "dec", "fieldDeg", "limMag", "falseAlarms")
 DETECTION_COLUMNS = (

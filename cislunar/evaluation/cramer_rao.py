@@ -41,9 +41,8 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import inside_primary
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.runtime.threads import share_out
-
-Array = NDArray[np.float64]
 
 SIZE = 12
 

@@ -116,10 +116,8 @@ def count_interval(values: ArrayLike, groups: ArrayLike | None = None) -> Interv
     The exact interval of the rate of a Poisson count (Garwood 1936) also applies if all
     realizations are equal: none in ten runs is a mean of 0 to 0.37. Parameters as for `t_interval`.
     """
-    found, runs = (
-        t_interval(values, groups),
-        int(np.isfinite(np.asarray(values, dtype=float)).sum()),
-    )
+    found = t_interval(values, groups)
+    runs = np.count_nonzero(np.isfinite(np.asarray(values, dtype=float)))
     if not found.count:
         return found
     total, tail = found.mean * runs, 0.5 * (1.0 - CONFIDENCE)
@@ -137,10 +135,8 @@ def share_interval(values: ArrayLike, targets: int, groups: ArrayLike | None = N
     realizations also applies if all realizations are equal: none of 20 in ten runs is 0 to 0.018.
     Parameters as for `t_interval`.
     """
-    found, runs = (
-        t_interval(values, groups),
-        int(np.isfinite(np.asarray(values, dtype=float)).sum()),
-    )
+    found = t_interval(values, groups)
+    runs = np.count_nonzero(np.isfinite(np.asarray(values, dtype=float)))
     if not found.count:
         return found
     trials, tail = runs * targets, 0.5 * (1.0 - CONFIDENCE)
@@ -189,7 +185,7 @@ def interval_of(
     """Mean and 95 % confidence interval of a quantity of a cell with `targets` targets.
 
     `values` and `groups` are those of `t_interval`. Counts, shares and `GEOMETRIC` quantities have
-    intervals of their own; means of all others are arithmetic.
+    intervals of their own; those of all others are limited to possible values.
     """
     if quantity in COUNTS:
         return count_interval(values, groups)
@@ -197,11 +193,7 @@ def interval_of(
         return share_interval(values, targets, groups)
     if quantity.startswith(GEOMETRIC):
         return log_interval(values, groups)
-    return within_bounds(quantity, t_interval(values, groups))
-
-
-def within_bounds(quantity: str, found: Interval) -> Interval:
-    """An interval of a quantity of a cell, limited to possible values."""
+    found = t_interval(values, groups)
     is_share = "coverage" in quantity or quantity.endswith(("_share", "_fraction"))
     # a mean of shares of 1 may round to a little more
     highest = max(1.0, found.mean) if is_share else np.inf

@@ -12,8 +12,7 @@ from scipy.special import erf
 
 from cislunar.compiled import njit_noalloc
 from cislunar.evaluation.custody import Custody, attitude_angle_deg
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 TRACKED, NEVER_OBSERVED, INCONSISTENT = range(3)
 STATUS_NAMES = ("tracked", "never_observed", "inconsistent")

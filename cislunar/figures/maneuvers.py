@@ -79,18 +79,12 @@ def maneuver_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _bars(rows: pd.DataFrame, factor: float) -> tuple[np.ndarray, np.ndarray]:
-    """Values, and lengths of the bars (2, row)."""
-    value, low, high = (factor * rows[name].to_numpy(float) for name in ("value", "low", "high"))
-    return value, np.nan_to_num(np.maximum([value - low, high - value], 0.0))
-
-
 def _draw(axes: Axes, at: np.ndarray, rows: pd.DataFrame, series, factor: float) -> None:
-    value, bars = _bars(rows, factor)
+    value, low, high = (factor * rows[name].to_numpy(float) for name in ("value", "low", "high"))
     axes.errorbar(
         at,
         value,
-        yerr=bars,
+        yerr=np.nan_to_num(np.maximum([value - low, high - value], 0.0)),
         color=series.color,
         linestyle=series.line,
         marker=series.marker,

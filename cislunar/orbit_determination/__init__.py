@@ -4,12 +4,12 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "admissible_region": ["AdmissibleRegion", "RegionSamples", "implied_size", "is_admissible",
-        "sample_region", "states_in_rotating_frame"],
+    "admissible_region": ["AdmissibleRegion", "implied_size", "is_admissible", "sample_region",
+        "states_in_rotating_frame"],
     "angles": ["Angles", "POSITION_COLUMNS", "angles_from_table", "frame_rate", "make_angles",
         "tangent_basis"],
     "attribution": ["concatenate_fits", "tracklet_matches"],
-    "common_time": ["orbits_at", "same_states", "squared_distances"],
+    "common_time": ["orbits_at", "propagated", "same_states", "squared_distances"],
     "initial_orbits": ["InitialOrbitSettings", "InitialOrbits", "initial_orbits", "refit_at"],
     "least_squares": ["CONVERGED", "NOT_CONVERGED", "NOT_PROPAGATED", "OrbitFits", "SINGULAR",
         "fit_orbits"],

@@ -8,8 +8,6 @@ alone). In ephemeris dynamics the Jacobi constant is that of the pulsating frame
 state.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,9 +26,8 @@ from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.angles import Angles, frame_rate
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.photometry import phase_angle, sphere_magnitude
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import Number, Positive, Section, setting
-
-Array = NDArray[np.float64]
 
 
 class AdmissibleRegion(Section):
@@ -84,28 +81,6 @@ class AdmissibleRegion(Section):
 
     def _fastest2(self, distance: float) -> float:
         return max(distance**2 + 2.0 / distance - self.least_jacobi, 1e-3)
-
-
-class RegionSamples(NamedTuple):
-    """Samples of the admissible region of an attributable, the virtual objects of Milani et al.
-
-    Attributes
-    ----------
-    time : float
-        Time of the states, nondimensional, since the epoch of the force model.
-    state : ndarray, shape (sample, 6)
-        Nondimensional, propagation frame.
-    range : ndarray, shape (sample,)
-        Nondimensional.
-    weight : ndarray, shape (sample,)
-        Share of the phase-space volume that a sample represents, proportional to rho^2 times the
-        area of its cell; the sum is 1.
-    """
-
-    time: float
-    state: Array
-    range: Array
-    weight: Array
 
 
 def states_in_rotating_frame(state: ArrayLike, time: ArrayLike, forces: tuple) -> Array:
@@ -256,8 +231,8 @@ def sample_region(
     forces: tuple = EARTH_MOON,
     n_ranges: int = 40,
     n_rates: int = 11,
-) -> RegionSamples:
-    """Sample the admissible region of an attributable.
+) -> Array:
+    """Sample the admissible region of an attributable: the virtual objects of Milani et al.
 
     Parameters
     ----------
@@ -275,8 +250,9 @@ def sample_region(
 
     Returns
     -------
-    RegionSamples
-        Without samples if the region is empty.
+    ndarray, shape (sample, 6)
+        States at the time of the attributable, nondimensional, propagation frame; none if the
+        region is empty.
 
     Raises
     ------
@@ -301,7 +277,4 @@ def sample_region(
     rho = np.repeat(ranges, n_rates)
     states = states_at_ranges(tracklets, np.full(rho.size, which), rho, rates.ravel(), rate)
     kept = is_admissible(states, tracklets.time[which], forces, region)
-    kept &= np.repeat(half > 0.0, n_rates)
-    area = rho**3 * np.repeat(half, n_rates)  # a cell of the logarithm is rho wide
-    weight = area[kept] / max(area[kept].sum(), np.finfo(float).tiny)
-    return RegionSamples(float(tracklets.time[which]), states[kept], rho[kept], weight)
+    return states[kept & np.repeat(half > 0.0, n_rates)]

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.detection import read_detections
@@ -28,10 +28,7 @@ from cislunar.dynamics import CR3BP, EphemerisForces, pulsating_frame
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ARCSECOND, unit_vectors
-from cislunar.runtime.arguments import array_of
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime.arguments import Array, Indices, array_of
 
 LIGHT_SPEED = 299_792.458 * TIME_UNIT_S / LENGTH_UNIT_KM
 """Nondimensional."""

@@ -21,9 +21,7 @@ from cislunar.orbit_determination.angles import Angles, frame_rate
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _TOLERANCE = 1e-9
 """Of the propagation of predictions, which are uncertain by far more."""

@@ -1,34 +1,59 @@
-"""Orbits at a common time, and which of them have the same state."""
-
-from collections.abc import Iterable
+"""Orbits at common times, and which of them have the same state."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.association import gate_threshold
 from cislunar.dynamics import propagate_stm
 from cislunar.errors import CislunarError
 from cislunar.orbit_determination.least_squares import OrbitFits
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _TOLERANCE = 1e-9
-"""Of the propagation, relative to one unit of length."""
+"""Of the propagation, relative to one unit of length: half a meter after a week."""
 
 _ROUNDING = 1e-14
 """Least share in the largest eigenvalue of a correlation matrix that is not lost to rounding."""
 
 
+def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
+    """Orbits and their transition matrices at common times.
+
+    Parameters
+    ----------
+    state : ndarray, shape (n, 6)
+        Nondimensional, propagation frame.
+    epoch : ndarray, shape (n,)
+        Times of the states, nondimensional, since the epoch of the force model.
+    time : ndarray, shape (m,)
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    states : ndarray, shape (n, m, 6)
+    transition : ndarray, shape (n, m, 6, 6)
+        NaN for an orbit that cannot be propagated.
+    """
+    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
+    try:
+        return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
+    except CislunarError:
+        if len(state) == 1:
+            shape = 1, time.size, 6
+            return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
+    parts = [propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+
+
 def orbits_at(
-    starts: Iterable[tuple[float, Array, Array]], time: float, forces: tuple
+    starts: tuple[Array, Array, Array], time: float, forces: tuple
 ) -> tuple[Array, Array, Indices]:
     """States and covariances of orbits at a time.
 
     Parameters
     ----------
-    starts : iterable of (float, ndarray, ndarray)
-        Epoch, state (6,) and covariance (6, 6) of each orbit, nondimensional, propagation frame.
+    starts : tuple of ndarray, shapes (orbit,), (orbit, 6) and (orbit, 6, 6)
+        Epochs, states and covariances, nondimensional, propagation frame.
     time : float
         Nondimensional.
     forces : NamedTuple
@@ -42,25 +67,11 @@ def orbits_at(
         Which of the given orbits these are: those that meet a body until then, or whose covariance
         is not finite, are left out.
     """
-    states, covariances, kept = [], [], []
-    for number, (epoch, state, covariance) in enumerate(starts):
-        try:
-            moved, stm = propagate_stm(
-                state, time - epoch, forces=forces, start=epoch, rtol=_TOLERANCE, atol=_TOLERANCE
-            )
-        except CislunarError:
-            continue
-        then = stm @ covariance @ stm.T
-        if not np.all(np.isfinite(then)):
-            continue
-        states.append(moved)
-        covariances.append(then)
-        kept.append(number)
-    return (
-        np.array(states).reshape(-1, 6),
-        np.array(covariances).reshape(-1, 6, 6),
-        np.array(kept, dtype=np.int64),
-    )
+    epoch, state, covariance = starts
+    moved, stm = (each[:, 0] for each in propagated(state, epoch, np.array([time]), forces))
+    then = stm @ covariance @ stm.swapaxes(1, 2)
+    kept = np.flatnonzero(np.isfinite(then).all(axis=(1, 2)))
+    return moved[kept], then[kept], kept
 
 
 def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indices:
@@ -90,8 +101,7 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     """
     if fits.epoch.size < 2:
         return np.empty((0, 2), dtype=np.int64)
-    starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
-    state, covariance, kept = orbits_at(starts, float(fits.epoch.max()), forces)
+    state, covariance, kept = orbits_at(fits[:3], float(fits.epoch.max()), forces)
     gate, found = gate_threshold(probability, 6), []
     variance = np.trace(covariance, axis1=1, axis2=2)
     for k in range(len(state) - 1):

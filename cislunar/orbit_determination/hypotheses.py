@@ -13,8 +13,6 @@ from cislunar.orbit_determination.scores import LinkingSettings, log_scores
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
 
-Array = NDArray[np.float64]
-
 _SAME = 1e-2
 """Largest difference of positions, relative to the range, of two hypotheses of one orbit."""
 

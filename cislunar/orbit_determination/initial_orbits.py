@@ -38,11 +38,8 @@ from cislunar.orbit_determination.verdicts import (
     log_evidence,
     undetermined_directions,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 _SAME = 1e-3
 """Largest difference of positions, relative to the range, of two fits of the same minimum."""
@@ -198,8 +195,8 @@ def _starts(angles, forces, region, settings) -> tuple[Array, Array]:
             tracklets, k, region, forces=forces, n_ranges=settings.n_ranges,
             n_rates=settings.n_rates,
         )  # fmt: skip
-        times.append(np.full(len(bank.state), bank.time))
-        states.append(bank.state)
+        times.append(np.full(len(bank), tracklets.time[k]))
+        states.append(bank)
     if np.unique(angles.observer).size > 1:
         time, state = _ballistic(angles, forces)
         if np.all(np.isfinite(state)):

@@ -14,7 +14,7 @@ measured one. Derivatives neglect those of the light time, which are below 1e-4 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit, njit_noalloc
 from cislunar.dynamics import EARTH_MOON, require_span
@@ -22,10 +22,7 @@ from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.runtime.arguments import array_of
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime.arguments import Array, Indices, array_of
 
 CONVERGED, NOT_CONVERGED, SINGULAR, NOT_PROPAGATED = 0, 1, 2, 3
 """Status of a fit. The normal matrix of a singular one has no inverse in double precision; the
@@ -36,6 +33,9 @@ _TOLERANCE = 1e-11
 
 _DONE = 1e-6
 """Decrease of chi squared, as predicted by the normal equations, at which a fit has converged."""
+
+_ABANDON_AFTER = 4
+"""Iterations after which a fit is abandoned if its chi squared is too large."""
 
 _LEAST_PIVOT = 1e-15
 """Least pivot of a scaled normal matrix that is not singular in double precision."""
@@ -66,7 +66,6 @@ class OrbitFits(NamedTuple):
         Rows ``begin[k]:begin[k + 1]`` of it are the rows of angles of fit k.
     position : ndarray, shape (n, 3)
         Of the object at each row of angles, when its light left it, relative to the observer.
-    row_chi_squared : ndarray, shape (n,)
     """
 
     epoch: Array
@@ -79,7 +78,6 @@ class OrbitFits(NamedTuple):
     begin: Indices
     row: Indices
     position: Array
-    row_chi_squared: Array
 
     def detections(self, k: int) -> Indices:
         """Rows of the angles that fit k uses."""
@@ -100,7 +98,7 @@ class OrbitFits(NamedTuple):
         members = np.concatenate([np.empty(0, dtype=np.int64), *parts])
         begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
         return OrbitFits(
-            *(each[chosen] for each in self[:7]), begin, *(each[members] for each in self[8:])
+            *(each[chosen] for each in self[:7]), begin, self.row[members], self.position[members]
         )
 
 
@@ -129,7 +127,7 @@ def _factor(normal, scale, damping, root):
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradient, position, each):
+def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradient, position):
     """Chi squared of a state; normal matrix and gradient along `axes`. Infinite if the state cannot
     be propagated or an observer looks away from it."""
     time, observer_position, direction, white, drift, delay = data
@@ -175,7 +173,7 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
             along += position[q, c] * direction[row, c]
         if not along > 0.0:
             return np.inf
-        each[q] = 0.0
+        squared = 0.0
         for a in range(2):
             error = 0.0
             for c in range(3):
@@ -190,8 +188,8 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
                 gradient[i] -= slope[i] * error
                 for j in range(i + 1):
                     normal[i, j] += slope[i] * slope[j]
-            each[q] += error * error
-        total += each[q]
+            squared += error * error
+        total += squared
     return total
 
 
@@ -199,21 +197,21 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
 def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
     """Fit every start in place; see `fit_orbits`. The Cholesky factor of the normal matrix along
     the axes is returned for each fit that has converged."""
-    state, factor, chi_squared, status, position, each = out
-    most, abandon_above, abandon_after = limits
+    state, factor, chi_squared, status, position = out
+    most, abandon_above = limits
     longest = 0
     for k in range(epoch.size):
         longest = max(longest, begin[k + 1] - begin[k])
     work = np.empty(longest), np.empty((longest, 42)), np.empty(0)
     normals, gradients = np.empty((2, 6, 6)), np.empty((2, 6))
-    positions, parts = np.empty((2, longest, 3)), np.empty((2, longest))
-    root, scale, step, trial = np.zeros((6, 6)), np.empty(6), np.empty(6), np.empty(6)
+    positions, root = np.empty((2, longest, 3)), np.zeros((6, 6))
+    scale, step, trial = np.empty(6), np.empty(6), np.empty(6)
     for k in range(epoch.size):
         rows = row[begin[k] : begin[k + 1]]
         n, now = rows.size, 0
         best = _evaluate(
             forces, rate, data, rows, epoch[k], state[k], axes[k], work, normals[0], gradients[0],
-            positions[0], parts[0],
+            positions[0],
         )  # fmt: skip
         chi_squared[k] = best
         if not np.isfinite(best):
@@ -221,7 +219,7 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
             continue
         damping, growth, code = 1e-3, 4.0, NOT_CONVERGED
         for iteration in range(most):
-            if iteration == abandon_after and best > abandon_above:
+            if iteration == _ABANDON_AFTER and best > abandon_above:
                 break
             if not _factor(normals[now], scale, damping, root):
                 code = SINGULAR
@@ -243,7 +241,7 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
                     trial[c] += axes[k, m, c % 3] * step[m + c // 3 * 3]
             value = _evaluate(
                 forces, rate, data, rows, epoch[k], trial, axes[k], work, normals[1 - now],
-                gradients[1 - now], positions[1 - now], parts[1 - now],
+                gradients[1 - now], positions[1 - now],
             )  # fmt: skip
             if value < best:
                 # the faster, the better the prediction (Nielsen 1999, IMM-REP-1999-05)
@@ -265,7 +263,6 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
             code = CONVERGED if regular else SINGULAR
         chi_squared[k], status[k] = best, code
         position[begin[k] : begin[k + 1]] = positions[now, :n]
-        each[begin[k] : begin[k + 1]] = parts[now, :n]
 
 
 def fit_orbits(
@@ -277,7 +274,6 @@ def fit_orbits(
     forces: tuple = EARTH_MOON,
     iterations: int = 40,
     abandon_above: float = np.inf,
-    abandon_after: int = 4,
 ) -> OrbitFits:
     """Fit orbits to sets of directions, each from a start of its own.
 
@@ -294,8 +290,8 @@ def fit_orbits(
         Force model.
     iterations : int
         Largest number of evaluations of a fit.
-    abandon_above, abandon_after : float, int
-        Chi squared above which a fit is abandoned after that many evaluations.
+    abandon_above : float
+        Chi squared above which a fit is abandoned after four iterations.
 
     Returns
     -------
@@ -326,7 +322,7 @@ def fit_orbits(
     out = OrbitFits(
         epochs, starts, np.full((n, 6, 6), np.nan), np.full((n, 6, 6), np.nan),
         np.full(n, np.inf), 2 * np.diff(begin) - 6, np.full(n, NOT_PROPAGATED), begin, row,
-        np.full((m, 3), np.nan), np.full(m, np.nan),
+        np.full((m, 3), np.nan),
     )  # fmt: skip
     if n == 0:
         return out
@@ -341,8 +337,8 @@ def fit_orbits(
     factor = np.zeros((n, 6, 6))
     _fit_all(
         forces, frame_rate(forces), data, begin, row, epochs, axes,
-        (int(iterations), float(abandon_above), int(abandon_after)),
-        (out.state, factor, out.chi_squared, out.status, out.position, out.row_chi_squared),
+        (int(iterations), float(abandon_above)),
+        (out.state, factor, out.chi_squared, out.status, out.position),
     )  # fmt: skip
     good = out.status == CONVERGED
     root = np.linalg.inv(factor[good]).reshape(-1, 6, 2, 3) @ axes[good][:, None]

@@ -13,7 +13,6 @@ detections without it, if their sum of scores is nearly as large, and further so
 detections.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -51,9 +50,7 @@ from cislunar.orbit_determination.verdicts import (
     separation_probability,
     undetermined_directions,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _CHUNK, _EXTENDED = 500, 100
 """Tracklets whose pairs are scanned at once, and pairs that are extended at once."""
@@ -110,7 +107,6 @@ def link(
     settings: LinkingSettings | None = None,
     log_clutter: ArrayLike = 0.0,
     known: LinkedOrbits | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> LinkedOrbits:
     """Link tracklets to orbits.
 
@@ -130,8 +126,6 @@ def link(
         Result for the first rows of the same angles, which is continued: its orbits take further
         tracklets first, and then the remaining tracklets of the window are linked. Tracklets of an
         orbit that stays confirmed are not attributed to another one if they are before the window.
-    progress : callable, optional
-        Called with (tracklets processed, all tracklets) for each longest gap.
 
     Returns
     -------
@@ -158,7 +152,7 @@ def link(
         free &= recent
     shortest = 0.0
     for gap in settings.gaps_h:
-        _link_pairs(found, free, shortest, gap, progress)
+        _link_pairs(found, free, shortest, gap)
         shortest = gap
     _merge(found)
     _split(found)
@@ -195,7 +189,7 @@ def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least:
         free &= found.disjoint(taken)
 
 
-def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, progress) -> None:
+def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float) -> None:
     """Hypotheses from pairs of free tracklets whose gap lies between two limits. Orbits take their
     tracklets before later pairs are sought."""
     angles, tracklets, forces, region, settings = found.data
@@ -232,8 +226,6 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
             orbits = OrbitHypotheses(seeds.take(now), tuple(members[k] for k in now.tolist()))
             _extend(found, orbits, free, free, settings.exclusive_tracklets)
         begin = int(usable[end - 1]) + 1
-        if progress is not None:
-            progress(begin, free.size)
 
 
 def _merge(found: LinkHypotheses) -> None:

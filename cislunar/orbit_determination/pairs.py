@@ -29,11 +29,8 @@ from cislunar.orbit_determination.admissible_region import (
 )
 from cislunar.orbit_determination.angles import frame_rate
 from cislunar.orbit_determination.tracklets import Attributables
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 _COARSE = 4
 """Ratio of the fine to the coarse grid of ranges."""

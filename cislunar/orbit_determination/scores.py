@@ -13,7 +13,7 @@ comparable. Exposures without a detection are not counted.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.orbit_determination.admissible_region import (
     AdmissibleRegion,
@@ -24,9 +24,8 @@ from cislunar.orbit_determination.initial_orbits import InitialOrbitSettings
 from cislunar.orbit_determination.least_squares import OrbitFits
 from cislunar.orbit_determination.pairs import PairSettings
 from cislunar.orbit_determination.verdicts import ORBIT, VerdictSettings, log_evidence
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import Count, Number, Positive, Section, number, setting
-
-Array = NDArray[np.float64]
 
 
 class ConfirmationRule(Section):

@@ -16,10 +16,8 @@ from scipy.stats import chi2
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
 from cislunar.orbit_determination.angles import Angles
 from cislunar.orbit_determination.least_squares import CONVERGED, OrbitFits, fit_orbits
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import Section, number, setting
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 ORBIT = "orbit"
 SEVERAL_ORBITS = "several orbits"

@@ -11,6 +11,7 @@ from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.runtime.settings_words import shown
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 UNIT_NORM = 1e-6
 """Largest deviation from 1 of the norm of a unit vector, such as by rounding to 7 digits."""

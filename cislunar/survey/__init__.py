@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "density": ["ObjectDensity"],
     "fields": ["FieldGrid", "Views", "detection_probability", "views"],
     "hand_over": ["HandOver", "hand_over", "uniform_attitude_sigma"],
-    "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
+    "planning": ["SearchPlanner", "Visits"],
     "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],
     "quality": ["CatalogState", "CharacterizationQuality", "ORBIT_COLUMNS", "catalog_state",
         "characterization_quality", "orbit_table", "true_tracklets"],

@@ -36,6 +36,7 @@ from cislunar.orbit_determination import (
     orbits_at,
     tangent_basis,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.survey.maneuvers import (
     CURRENT,
     FieldHistory,
@@ -55,9 +56,6 @@ from cislunar.survey.navigation import (
 )
 from cislunar.survey.settings import LineageSettings
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 _LEAST_COSINE = 1e-3
 """Of the declination, for the covariance of right ascension next to the pole."""
 
@@ -71,12 +69,12 @@ _BLOCK_S = 1200.0
 class Predictions(NamedTuple):
     """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
     propagation frame; `existence` (orbit,), the probability that the orbit is of an object; and
-    `detections` (orbit,), their number so far, if it is known."""
+    `detections` (orbit,), their number so far."""
 
     state: Array
     covariance: Array
     existence: Array
-    detections: Indices | None = None
+    detections: Indices
 
 
 class SurveyCatalog:
@@ -84,8 +82,7 @@ class SurveyCatalog:
 
     Parameters
     ----------
-    scene : Scene or None
-        Observers of the exposures for `add`; `add_angles` needs none.
+    scene : Scene
     forces : NamedTuple
         Assumed force model, CR3BP or ephemeris forces.
     process : DetectionProcess
@@ -93,16 +90,16 @@ class SurveyCatalog:
     region : AdmissibleRegion
     linking : LinkingSettings
     tracklets : TrackletSettings
-    lineage : LineageSettings, optional
-        Assumed maneuvers; none if omitted.
-    limits : SensorLimits, optional
-        Of all observers. Without them and a scene, no orbit is lost.
+    lineage : LineageSettings
+        Assumed maneuvers.
+    limits : SensorLimits
+        Of all observers.
     magnitude_sigma : float
         Standard deviation of magnitudes about those of a sphere, mag, for lost orbits.
     radiation_sigma : float
         Standard deviation of the factor of the radiation pressure on an object.
     errors : ObserverErrors, optional
-        Assumed errors of the observers and their treatment, which needs a scene; none if omitted.
+        Assumed errors of the observers and their treatment; none if omitted.
 
     Attributes
     ----------
@@ -114,31 +111,30 @@ class SurveyCatalog:
     calibration : ObserverCalibration or None
         Estimated errors of the observers, as of the last `link`; None without a treatment.
     maneuvers : Lineage or None
-        Orbits before and after maneuvers, as of the last `link`; None without `lineage`.
+        Orbits before and after maneuvers, as of the last `link`; None if none is assumed.
     tracklets : Attributables or None
         All tracklets of the last `link`.
     """
 
     def __init__(
         self,
-        scene: Scene | None,
+        scene: Scene,
         forces: tuple,
         process: DetectionProcess,
         region: AdmissibleRegion,
         linking: LinkingSettings,
         tracklets: TrackletSettings,
         *,
-        lineage: LineageSettings | None = None,
-        limits: SensorLimits | None = None,
-        magnitude_sigma: float = 0.4,
+        lineage: LineageSettings,
+        limits: SensorLimits,
+        magnitude_sigma: float,
         radiation_sigma: float = 0.0,
         errors: ObserverErrors | None = None,
     ) -> None:
         self.scene, self.forces, self.process = scene, forces, process
         self.region, self.linking, self.settings = region, linking, tracklets
-        self.lineage = LineageSettings() if lineage is None else lineage
-        self.limits, self.magnitude_sigma = limits, magnitude_sigma
-        self.radiation_sigma = radiation_sigma
+        self.lineage, self.limits = lineage, limits
+        self.magnitude_sigma, self.radiation_sigma = magnitude_sigma, radiation_sigma
         self.errors = ObserverErrors() if errors is None else errors
         self.calibration: ObserverCalibration | None = None
         if self.errors.treatment != "none":
@@ -250,7 +246,7 @@ class SurveyCatalog:
         remaining = self._remaining
         if remaining is not None:
             self.orbits = self.orbits._replace(
-                fits=considered(self.orbits.fits, *remaining, forces=self.forces)
+                fits=considered(self.orbits.fits, remaining, forces=self.forces)
             )
         uncertain = {"settings": self.lineage, "radiation_sigma": self.radiation_sigma,
                      "remaining": remaining}  # fmt: skip
@@ -271,10 +267,8 @@ class SurveyCatalog:
         if self.errors.treatment == "calibrated" and np.any(steady):
             self.calibration = calibrate(
                 self.orbits.fits.take(np.flatnonzero(steady)),
-                self._measured,
-                self.scene,
+                remaining,
                 self.errors.assumed,
-                self.calibration,
                 forces=self.forces,
                 radiation_sigma=self.radiation_sigma,
             )
@@ -291,11 +285,11 @@ class SurveyCatalog:
         """Orbits with the covariance that considers the errors of the observers."""
         fits = fit_orbits(angles, *given, forces=forces)
         remaining = self._remaining
-        return fits if remaining is None else considered(fits, *remaining, forces=forces)
+        return fits if remaining is None else considered(fits, remaining, forces=forces)
 
     def _watch(self) -> Watch | None:
         """Where exposures have looked, if this is known."""
-        if self.scene is None or self.limits is None or not self._fields:
+        if not self._fields:
             return None
         fields = FieldHistory(*(np.concatenate(each) for each in zip(*self._fields, strict=True)))
         given = self.magnitude_sigma, self.process.detection_loss, _BLOCK_S
@@ -309,12 +303,12 @@ class SurveyCatalog:
         if self._predicted is None:
             current = [k for k, each in enumerate(self.status) if each == CURRENT]
             fits = self.orbits.fits.take(current)
-            starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
+            starts = fits[:3]
             existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
             count = np.diff(fits.begin)
         else:
             before, last = self._predicted
-            starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
+            starts = np.full(len(last.state), before), last.state, last.covariance
             existence, count = last.existence, last.detections
         states, covariances, kept = orbits_at(starts, time, self.forces)
         found = Predictions(states, covariances, existence[kept], count[kept])

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.estimation.light_curves.model_selection import (
     Interval,
@@ -22,12 +21,10 @@ from cislunar.estimation.light_curves.model_selection import (
 )
 from cislunar.observation import METERS, Scene, TargetSurfaces, dimming
 from cislunar.orbit_determination import Angles, LinkedOrbits
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.seeds import generator
 from cislunar.survey.hand_over import uniform_attitude_sigma
 from cislunar.survey.settings import CharacterizationSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class CharacterizedOrbit(NamedTuple):

@@ -7,7 +7,7 @@ field of view about its center, so that a direction belongs to one field.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from cislunar.compiled import njit
@@ -25,9 +25,7 @@ from cislunar.observation import (
     unit_vectors,
 )
 from cislunar.photometry import faintness_per_squared_range
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _MARGIN = 0.96
 """Width of a field over that of the field of view: rows of declination are curved in it."""

@@ -85,8 +85,7 @@ def hand_over(
     rate = number_of("angular_velocity_sigma_deg_h", angular_velocity_sigma_deg_h, positive=True)
     confirmed = np.flatnonzero(orbits.confirmed)
     fits = orbits.fits.take(confirmed)
-    starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
-    state, translation, kept = orbits_at(starts, time, forces)
+    state, translation, kept = orbits_at(fits[:3], time, forces)
     n = len(state)
     if n == 0:
         raise ConfigurationError(

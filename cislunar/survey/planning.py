@@ -38,13 +38,11 @@ from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
 from cislunar.observation import Scene, SensorLimits, angles_of_vectors, unit_vectors
+from cislunar.runtime import Array, Indices
 from cislunar.runtime.settings_fields import require_multiple
+from cislunar.survey.catalog import Predictions
 from cislunar.survey.fields import FieldGrid, Views, views
 from cislunar.survey.settings import DENSITY, STARING, SWEEP, SearchSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 _CONSIDERED = 4
 """Fields that are considered for a round, over those for which it has time."""
@@ -54,28 +52,6 @@ _ROTATION = 6.0
 
 _AHEAD = 40
 """Fields of a sweep that are looked ahead for clear ones, over the fields of a round."""
-
-
-class KnownOrbits(NamedTuple):
-    """Linked orbits as a plan uses them.
-
-    Attributes
-    ----------
-    position, covariance : ndarray, shapes (orbit, 3) and (orbit, 3, 3)
-        Predicted position in the middle of the block, nondimensional, propagation frame.
-    existence : ndarray, shape (orbit,)
-        Probability that the orbit is that of an object.
-    sample : ndarray, shape (orbit, draw, 3)
-        Positions that represent the uncertainty.
-    detections : ndarray of int, shape (orbit,), or None
-        Number so far; None: none.
-    """
-
-    position: Array
-    covariance: Array
-    existence: Array
-    sample: Array
-    detections: Indices | None = None
 
 
 class Visits(NamedTuple):
@@ -153,7 +129,7 @@ class SearchPlanner:
         weight: Array,
         fields: Indices,
         probability: Array,
-        known: KnownOrbits,
+        known: Predictions,
         known_fields: Indices,
         known_probability: Array,
     ) -> Visits:
@@ -167,16 +143,16 @@ class SearchPlanner:
             Expected number of undetected objects.
         fields, probability : ndarray, shape (observer, particle)
             Field of each particle, and probability of detecting an object there.
-        known : KnownOrbits
+        known : Predictions
+            Linked orbits in the middle of the block.
         known_fields, known_probability : ndarray, shape (observer, orbit, draw)
-            The same for the samples of the known orbits.
+            The same for positions that represent the uncertainty of the known orbits.
         """
         n, last = len(self.grids), self.settings.search_days
         chosen: list[Indices] = [np.empty(0, dtype=np.int64)] * n
-        strategy, left, covariance = self.settings.strategy, weight.copy(), known.covariance.copy()
-        count = np.zeros(len(known.position), dtype=np.int64)
-        if known.detections is not None:
-            count += known.detections
+        strategy, left, count = self.settings.strategy, weight.copy(), known.detections.copy()
+        position, covariance = known.state[:, :3], known.covariance[:, :3, :3].copy()
+        each = known.existence / known_probability.shape[2]
         if last is not None and index * self.scene.step_s > last * SECONDS_PER_DAY:
             strategy, left = DENSITY, np.zeros_like(weight)
         for turn in range(n):
@@ -186,9 +162,9 @@ class SearchPlanner:
             elif strategy == STARING:
                 chosen[o] = self._stared(o, index)
             else:
-                gain = self._information(o, index, known, covariance)
+                gain = self._information(o, index, position, covariance)
                 gain += self._brightness_worth(o, count)
-                chance = known_probability[o] * (known.existence / known.sample.shape[1])[:, None]
+                chance = known_probability[o] * each[:, None]
                 size = len(self.grids[o].center)
                 worth = np.bincount(fields[o], left * probability[o], minlength=size)
                 worth += np.bincount(
@@ -200,9 +176,7 @@ class SearchPlanner:
                 share = np.isin(known_fields[o], chosen[o]) * known_probability[o]
                 taken = np.flatnonzero(share.mean(axis=1) > 0.5)
                 count[taken] += self.settings.visits
-                covariance[taken] = self._measured(
-                    o, index, known.position[taken], covariance[taken]
-                )
+                covariance[taken] = self._measured(o, index, position[taken], covariance[taken])
         self._block += 1
         return self._timed(chosen)
 
@@ -233,11 +207,11 @@ class SearchPlanner:
         noise = self.limits.noise_variance[o, 1] * distance**2 / self.settings.visits
         return np.stack([across, np.cross(unit, across)], axis=1), noise
 
-    def _information(self, o: int, index: int, known: KnownOrbits, covariance: Array) -> Array:
+    def _information(self, o: int, index: int, position: Array, covariance: Array) -> Array:
         """Worth of a detection of each orbit, the second sum of equation (1)."""
-        if self.settings.information_worth == 0.0 or len(known.position) == 0:
-            return np.zeros(len(known.position))
-        h, noise = self._tangents(o, index, known.position)
+        if self.settings.information_worth == 0.0 or len(position) == 0:
+            return np.zeros(len(position))
+        h, noise = self._tangents(o, index, position)
         spread = h @ covariance @ h.swapaxes(1, 2) / noise[:, None, None]
         sign, log_det = np.linalg.slogdet(np.eye(2) + spread)
         # nothing is left to be learned if rounding has made a covariance indefinite
@@ -329,7 +303,8 @@ class SearchPlanner:
         """The fields of L1 and L2, if they are free."""
         earth, moon = self.scene.primaries[index]
         # shares of the way from the Earth to the Moon
-        mu = _mass_ratio(self.scene.primaries[0])
+        first = self.scene.primaries[0]
+        mu = float(np.linalg.norm(first[0]) / np.linalg.norm(first[1] - first[0]))
         share = libration_points(mu)[:2, 0] + mu
         place = earth + share[:, None] * (moon - earth)
         seen = views(self.scene, self.limits, index, place)
@@ -378,8 +353,3 @@ def _tour(steps, start, worth, most):
             size, length = size + 1, length + extra
             for i in range(size):
                 tour[i] = trial[(first + i) % size]
-
-
-def _mass_ratio(primaries: Array) -> float:
-    """Distance of the Earth from the barycenter over that from the Moon."""
-    return float(np.linalg.norm(primaries[0]) / np.linalg.norm(primaries[1] - primaries[0]))

@@ -10,11 +10,10 @@ covers objects that no other source resembles.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import (
-    CR3BP,
     EARTH_MOON,
     EphemerisForces,
     inertial_states,
@@ -24,10 +23,8 @@ from cislunar.dynamics import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import Array, array_of
 from cislunar.survey.settings import SOURCES, DensityPrior
-
-Array = NDArray[np.float64]
 
 _STEP_S = 600.0
 """Step with which samples at rest are propagated."""
@@ -63,7 +60,6 @@ def sample_prior(
     rng: np.random.Generator,
     *,
     region: AdmissibleRegion | None = None,
-    mu: float = MU,
 ) -> tuple[Array, Array]:
     """Sample states and sizes of undetected objects.
 
@@ -73,8 +69,6 @@ def sample_prior(
     sources : PriorSources
     rng : numpy.random.Generator
     region : AdmissibleRegion, optional
-    mu : float
-        Mass ratio.
 
     Returns
     -------
@@ -93,10 +87,10 @@ def sample_prior(
     ends = np.rint(np.cumsum(shares) * prior.particles).astype(int)
     counts = dict(zip(SOURCES, np.diff(ends, prepend=0).tolist(), strict=True))
     draws = {
-        "families": (lambda n: _of_orbits(sources, n, rng, mu), sources.orbits),
-        "zero_velocity": (lambda n: _at_rest(sources.points, prior, n, rng, mu), sources.points),
+        "families": (lambda n: _of_orbits(sources, n, rng), sources.orbits),
+        "zero_velocity": (lambda n: _at_rest(sources.points, prior, n, rng), sources.points),
         "table": (lambda n: _chosen(sources.table, n, rng), sources.table),
-        "uniform": (lambda n: _uniform(region, n, rng, mu), ()),
+        "uniform": (lambda n: _uniform(region, n, rng), ()),
     }
     parts = []
     for name, count in counts.items():
@@ -108,20 +102,20 @@ def sample_prior(
                 f"prior.{name} = {getattr(prior, name)} needs states to draw from, and none are "
                 "given; give them or set the share to 0"
             )
-        parts.append(_within_region(name, draw, count, region, mu))
+        parts.append(_within_region(name, draw, count, region))
     state = np.concatenate(parts)
     sigma = 0.4 * np.log(10.0) * prior.size_sigma_mag
     size = prior.median_size_m2 * np.exp(sigma * rng.standard_normal(len(state)))
     return state, size
 
 
-def _within_region(name, draw, count, region, mu) -> Array:
+def _within_region(name, draw, count, region) -> Array:
     """States (count, 6) of a source, drawn until enough are admissible."""
     found = np.empty((0, 6))
     for _ in range(_ROUNDS):
         more = draw(count - len(found))
         more = more[np.all(np.isfinite(more), axis=1)]
-        found = np.concatenate([found, more[is_admissible(more, 0.0, CR3BP(mu), region)]])
+        found = np.concatenate([found, more[is_admissible(more, 0.0, EARTH_MOON, region)]])
         if len(found) == count:
             return found
     if len(found) == 0:
@@ -132,15 +126,14 @@ def _within_region(name, draw, count, region, mu) -> Array:
     return found[np.arange(count) % len(found)]
 
 
-def _of_orbits(sources: PriorSources, count: int, rng, mu: float) -> Array:
+def _of_orbits(sources: PriorSources, count: int, rng) -> Array:
     states = array_of("orbits", sources.orbits, ("orbit", 6))
     which = rng.integers(len(states), size=count)
     times = (rng.random(count) - 0.5) * array_of("periods", sources.periods)[which]
-    forces = CR3BP(mu)
-    return propagate_many(states[which], times[:, None], forces=forces, method="dop853")[:, 0]
+    return propagate_many(states[which], times[:, None], method="dop853")[:, 0]
 
 
-def _at_rest(points: Array, prior: DensityPrior, count: int, rng, mu: float) -> Array:
+def _at_rest(points: Array, prior: DensityPrior, count: int, rng) -> Array:
     given = array_of("points", points, ("point", 3))
     state = np.zeros((count, 6))
     state[:, :3] = given[rng.integers(len(given), size=count)]
@@ -148,7 +141,7 @@ def _at_rest(points: Array, prior: DensityPrior, count: int, rng, mu: float) -> 
     steps = rng.integers(max(1, round(prior.drift_days * a_day)), size=count)
     out = np.empty((count, 6))
     for day in range(int(steps.max(initial=0)) // a_day + 1):
-        path = propagate_bundle(state, _STEP_S / TIME_UNIT_S, a_day, forces=CR3BP(mu))
+        path = propagate_bundle(state, _STEP_S / TIME_UNIT_S, a_day)
         here = steps // a_day == day
         out[here] = path[here, steps[here] % a_day]
         state = path[:, -1]
@@ -160,12 +153,12 @@ def _chosen(table: Array, count: int, rng) -> Array:
     return states[rng.integers(len(states), size=count)]
 
 
-def _uniform(region: AdmissibleRegion, count: int, rng, mu: float) -> Array:
+def _uniform(region: AdmissibleRegion, count: int, rng) -> Array:
     """Positions in proportion to the volume of velocities, v^2 <= 2 U - C, and velocities that are
     uniform in it."""
     trials = 50 * count
     position = region.radius * _in_ball(trials, rng)
-    fastest2 = np.maximum(2.0 * pseudo_potential(position, mu) - region.least_jacobi, 0.0)
+    fastest2 = np.maximum(2.0 * pseudo_potential(position) - region.least_jacobi, 0.0)
     volume = fastest2**1.5
     chosen = rng.choice(trials, size=count, replace=False, p=volume / volume.sum())
     velocity = np.sqrt(fastest2[chosen])[:, None] * _in_ball(count, rng)

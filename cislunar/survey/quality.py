@@ -24,11 +24,10 @@ from cislunar.orbit_determination import (
     orbits_at,
     squared_distances,
 )
+from cislunar.runtime import Array, Indices
 from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.settings import QualitySettings
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _LARGEST_NEES = float(chdtri(6, 0.05))
@@ -156,11 +155,9 @@ def orbit_table(
         `now_nees` are NaN for orbits that are not confirmed.
     """
     given, rows, fits = np.asarray(origin), [], orbits.fits
-    starts = [(float(fits.epoch[k]), fits.state[k], fits.covariance[k])
-              for k in np.flatnonzero(orbits.confirmed).tolist()]  # fmt: skip
-    moved = orbits_at(starts, last * step, forces)
-    present = dict(zip(np.flatnonzero(orbits.confirmed)[moved[2]].tolist(),
-                       zip(*moved[:2], strict=True), strict=True))  # fmt: skip
+    confirmed = np.flatnonzero(orbits.confirmed)
+    *moved, kept = orbits_at(fits.take(confirmed)[:3], last * step, forces)
+    present = dict(zip(confirmed[kept].tolist(), zip(*moved, strict=True), strict=True))
     owners = [_owner(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
     real = [k for k, (main, _) in enumerate(owners) if main != FALSE_ALARM]
     of = np.array([owners[k][0] for k in real], dtype=np.int64)

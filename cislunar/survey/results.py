@@ -2,18 +2,14 @@
 
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from cislunar.detection import Detections, Exposures
 from cislunar.orbit_determination import LinkedOrbits
+from cislunar.runtime import Array, Indices
 from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.maneuvers import Lineage
 from cislunar.targets import Maneuvers
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class CatalogRecord(NamedTuple):

@@ -20,27 +20,22 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, Sensors, TargetSurfaces, sensor_limits, unit_vectors
-from cislunar.orbit_determination import (
-    AdmissibleRegion,
-    Angles,
-    LinkingSettings,
-    is_admissible,
-)
-from cislunar.runtime.arguments import array_of
+from cislunar.orbit_determination import AdmissibleRegion, Angles, LinkingSettings, is_admissible
+from cislunar.runtime.arguments import Array, Indices, array_of
 from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
 from cislunar.survey.catalog import Predictions, SurveyCatalog
 from cislunar.survey.characterization import CharacterizedOrbit, characterize_orbits
 from cislunar.survey.density import ObjectDensity
 from cislunar.survey.fields import Views, detection_probability, views
-from cislunar.survey.planning import KnownOrbits, SearchPlanner, Visits
+from cislunar.survey.planning import SearchPlanner, Visits
 from cislunar.survey.quality import (
     CatalogState,
     catalog_state,
@@ -53,9 +48,6 @@ from cislunar.survey.results import BlockRecord, CatalogRecord, SurveyResult
 from cislunar.survey.settings import SurveyModel
 from cislunar.survey.true_objects import TrueObjects
 from cislunar.tasking import TruthModel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _DRAWS = 8
 """Positions that represent a known orbit's uncertainty in a plan."""
@@ -171,23 +163,9 @@ class _Survey:
     """State of a survey; `run_survey` has the arguments."""
 
     def __init__(
-        self,
-        scene,
-        truth,
-        state,
-        target_ids,
-        seed,
-        density,
-        settings,
-        sensor,
-        forces,
-        outside,
-        record,
-        appears_hours,
-        eclipse,
-        errors,
-        body,
-    ) -> None:
+        self, scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside,
+        record, appears_hours, eclipse, errors, body,
+    ) -> None:  # fmt: skip
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
         self.outside = np.zeros(ids.size, dtype=bool) if outside is None else np.asarray(outside)
@@ -259,7 +237,7 @@ class _Survey:
         fields = self.planner.fields_of(seen)
         now = self.catalog.predict(middle * scene.step)
         weight = self._without_pending()
-        visits = self.planner.plan(middle, weight, fields, chance, *self._known(now, middle))
+        visits = self.planner.plan(middle, weight, fields, chance, now, *self._drawn(now, middle))
         exposures = self.planner.exposures(visits, start + 1)
         detections, origin = self.world.observe(block, start, n, exposures)
         self.n_exposures += exposures.step.size
@@ -299,8 +277,8 @@ class _Survey:
         loss = self.settings.process.detection_loss
         return detection_probability(seen.margin, size_m2, self.sigma, loss)
 
-    def _known(self, now: Predictions, middle: int) -> tuple[KnownOrbits, Indices, Array]:
-        """Predicted orbits, and the fields and probabilities of their samples."""
+    def _drawn(self, now: Predictions, middle: int) -> tuple[Indices, Array]:
+        """Fields and probabilities (observer, orbit, draw) of samples of predicted orbits."""
         position, covariance = now.state[:, :3], now.covariance[:, :3, :3]
         value, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(value, 0.0))[:, None]
@@ -308,9 +286,7 @@ class _Survey:
         seen = self.views(middle, sample.reshape(-1, 3))
         chance = self._probability(seen, self.settings.prior.median_size_m2)
         shape = (len(self.planner.grids), len(position), _DRAWS)
-        fields = self.planner.fields_of(seen).reshape(shape)
-        known = KnownOrbits(position, covariance, now.existence, sample, now.detections)
-        return known, fields, chance.reshape(shape)
+        return self.planner.fields_of(seen).reshape(shape), chance.reshape(shape)
 
     def _update(self, block: _Block, exposure: Indices, angles: Angles) -> None:
         """Update the density by the exposures and the detections that no orbit explains."""

@@ -10,14 +10,11 @@ from scipy.spatial.transform import Rotation
 from cislunar.detection import FALSE_ALARM, DetectionProcess, Detections, Exposures, expose
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.observation import Scene, Sensors, dimming
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import Array, Indices, array_of
 from cislunar.runtime.seeds import generator
 from cislunar.survey.results import BlockRecord
 from cislunar.targets import Maneuvers
 from cislunar.tasking import TrueMotion, TruthModel, draw_observer_errors
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _BLOCKS_KEPT = 12
 """Blocks between two times whose true states are kept."""

@@ -13,7 +13,6 @@ from cislunar.association import (
     gate_threshold,
     gaussian_log_likelihood,
     joint_probabilities,
-    log_ratio,
 )
 from cislunar.association.nearest_neighbor import nearest_neighbor
 from cislunar.association.probabilistic import marginals
@@ -101,8 +100,6 @@ def test_log_likelihood_has_all_constants():
         peer = multivariate_normal(np.zeros(3), s[k])
         assert log_likelihood[k] == pytest.approx(peer.logpdf(nu[k]), rel=1e-12)
         assert squared[k] == pytest.approx(nu[k] @ np.linalg.inv(s[k]) @ nu[k], rel=1e-10)
-    found = log_ratio(log_likelihood, 0.9, 0.02)
-    np.testing.assert_allclose(found, log_likelihood + np.log(0.9 / 0.02), rtol=1e-14)
     assert gate_threshold(0.9, 2) == pytest.approx(-2.0 * np.log(0.1), rel=1e-12)
 
 

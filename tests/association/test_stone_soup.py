@@ -34,7 +34,6 @@ from cislunar.association import (
     associate_frames,
     gaussian_log_likelihood,
     joint_probabilities,
-    log_ratio,
     probabilistic,
 )
 from cislunar.association.nearest_neighbor import nearest_neighbor
@@ -99,7 +98,7 @@ def window_of(scene):
             for d, z, r in zip(scene.numbers(k), scene.position[k], scene.noise[k], strict=True):
                 rows.append((k, t, d, z - design @ mean, design, r))
     exposure, track, detection, residual, design, noise = map(np.array, zip(*rows, strict=True))
-    weight = log_ratio(np.zeros(len(rows)), DETECTED, CLUTTER)
+    weight = np.full(len(rows), np.log(DETECTED) - np.log(CLUTTER))
     seen = np.array(list(product(range(exposures), range(tracks))))
     miss = np.full(len(seen), np.log(1.0 - DETECTED * GATE))
     return Window(scene.covariance, exposure, track, detection, residual, design, noise, weight,

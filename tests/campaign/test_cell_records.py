@@ -29,7 +29,7 @@ from cislunar.exchange.arcs import COMMENTS, rotating_arc
 from cislunar.exchange.oem import oem_text, read_oem
 from cislunar.exchange.state_tables import read_segments, segments_csv
 from cislunar.figures.labels import target_text
-from cislunar.figures.tracking.norms import selected_targets_figure
+from cislunar.figures.tracking.errors import selected_targets_figure
 from cislunar.runtime.netcdf import read_dataset, write_dataset
 from cislunar.tasking.settings import RECORDABLE
 

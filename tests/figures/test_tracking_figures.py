@@ -17,7 +17,11 @@ from cislunar.figures import style
 from cislunar.figures.axes import Grid, nice_ticks, spaced, tick_names
 from cislunar.figures.labels import family_text, interval_text
 from cislunar.figures.panels import Row, draw_rows
-from cislunar.figures.tracking.errors import components_figure, selected_targets
+from cislunar.figures.tracking.errors import (
+    components_figure,
+    selected_targets,
+    selected_targets_figure,
+)
 from cislunar.figures.tracking.heatmap_colors import scales
 from cislunar.figures.tracking.heatmaps import (
     block_rows,
@@ -25,7 +29,6 @@ from cislunar.figures.tracking.heatmaps import (
     intervals_figure,
     target_counts_figure,
 )
-from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.figures.tracking.representative import representative_target_figure
 from cislunar.figures.tracking.tasking import running_best, tasking_figure
 from cislunar.figures.tracking.trends import (

@@ -26,7 +26,8 @@ def test_a_covariance_that_is_none_has_no_distance_and_spoils_no_other(spoiled):
 
 def test_an_orbit_without_a_finite_covariance_is_left_out():
     state = np.array([1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0])
-    starts = [(0.0, state, scale * np.eye(6)) for scale in (1e-12, np.nan, 1e-10)]
+    scales = np.array([1e-12, np.nan, 1e-10])
+    starts = np.zeros(3), np.tile(state, (3, 1)), scales[:, None, None] * np.eye(6)
     moved, covariance, kept = orbits_at(starts, 0.2, EARTH_MOON)
     assert kept.tolist() == [0, 2] and moved.shape == (2, 6)
     np.testing.assert_allclose(covariance[1], 100.0 * covariance[0], rtol=1e-9)

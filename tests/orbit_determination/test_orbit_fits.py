@@ -67,7 +67,6 @@ def test_the_solution_and_its_covariance_are_those_of_scipy():
     np.testing.assert_allclose(
         found.covariance[0] / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=2e-3
     )
-    np.testing.assert_allclose(found.row_chi_squared.sum(), found.chi_squared[0])
 
 
 def test_the_covariance_is_that_of_repeated_measurements():

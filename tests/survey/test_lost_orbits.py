@@ -71,7 +71,7 @@ def test_the_probability_of_no_detection_is_that_of_single_exposures():
     minutes = np.array([140, 155, 165, 200, 260])
     seen, states = watch(0, minutes, fits, observers=[0, 1])
     paths = orbit_paths(fits, BEFORE[-1] * STEP, minutes[-1] * STEP, forces=EARTH_MOON)
-    missed = log_missed(fits, angles, np.array([0]), paths, **seen._asdict())
+    missed = log_missed(fits, angles, np.array([0]), paths, seen)
     own = slice(fits.begin[0], fits.begin[1])
     size = implied_size(fits.position[own], angles.rows(fits.row[own]))[0]
     sigma, offsets = np.sqrt(seen.limits.noise_variance[0, 0]), np.linspace(-3.2, 3.2, 4001)

@@ -10,7 +10,7 @@ from cislunar.dynamics import EARTH_MOON, propagate_many
 from cislunar.dynamics.ephemeris_forces import ephemeris_forces
 from cislunar.ephemeris import tabulate_bodies, tdb_seconds
 from cislunar.estimation.navigation import ObserverErrorSigma
-from cislunar.orbit_determination import fit_orbits, make_angles
+from cislunar.orbit_determination import fit_orbits, make_angles, propagated
 from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import maneuvers_within
 from cislunar.survey.navigation import (
@@ -20,7 +20,7 @@ from cislunar.survey.navigation import (
     corrected_angles,
     uncalibrated,
 )
-from cislunar.survey.navigation.paths import by_radiation, propagated
+from cislunar.survey.navigation.paths import by_radiation
 
 START, SIGMA, DEVIATION, OBJECTS = tdb_seconds("2024-10-01T00:00:00"), np.pi / 648_000.0, 0.3, 24
 DAYS, OBSERVERS, STEP_S = 5, 3, 7_200.0
@@ -135,7 +135,7 @@ def test_orbits_consider_the_observers_with_the_gain_of_the_estimated_factor(fou
         used = used._replace(basis=basis)
         fits = fit_orbits(used, [rows], truth[:1], given.epoch[0], forces=forces)
         return maneuvers_within(
-            considered(fits, measured, scene, prior, forces=forces), used, forces=forces,
+            considered(fits, remaining, forces=forces), used, forces=forces,
             settings=COASTING, radiation_sigma=DEVIATION, remaining=remaining,
         )[0]  # fmt: skip
 
@@ -201,15 +201,14 @@ def test_the_calibration_is_the_joint_least_squares_solution_for_factors_as_well
     right = np.concatenate([base, np.zeros(known)])
     step = -np.linalg.lstsq(whole / scale, right, rcond=None)[0] / scale
     spread = np.linalg.inv((whole / scale).T @ (whole / scale)) / np.outer(scale, scale)
-    found = calibrate(
-        fits, measured, scene, SIGMAS, start, forces=forces, radiation_sigma=DEVIATION
-    )
+    remaining = RemainingErrors(measured, scene, start)
+    found = calibrate(fits, remaining, SIGMAS, forces=forces, radiation_sigma=DEVIATION)
     expected = step[14:].reshape(error.shape) * sigma
     deviation = np.sqrt(np.diag(spread)[14:]).reshape(error.shape) * sigma
     own = np.sqrt(np.diag(found.covariance.reshape(error.size, -1))).reshape(error.shape)
     np.testing.assert_allclose(own, deviation, rtol=1e-3)
     assert np.abs((found.mean - expected) / deviation).max() < 0.05
-    known_factor = calibrate(fits, measured, scene, SIGMAS, start, forces=forces)
+    known_factor = calibrate(fits, remaining, SIGMAS, forces=forces)
     assert np.abs((known_factor.mean - expected) / deviation).max() > 0.2
 
 
@@ -220,12 +219,12 @@ def test_an_orbit_that_cannot_be_propagated_does_not_count(found, biased):
     used = corrected_angles(measured, scene, prior)
     fits = fit_orbits(used, members[:3], truth[:3], given.epoch[0], forces=forces)
     lost = fits.updated([1], np.full((1, 6), np.nan), fits.covariance[[1]])
-    arguments = measured, scene, SIGMAS, prior
-    with_it = calibrate(lost, *arguments, forces=forces)
-    without = calibrate(fits.take([0, 2]), *arguments, forces=forces)
+    remaining = RemainingErrors(measured, scene, prior)
+    with_it = calibrate(lost, remaining, SIGMAS, forces=forces)
+    without = calibrate(fits.take([0, 2]), remaining, SIGMAS, forces=forces)
     np.testing.assert_array_equal(with_it.mean, without.mean)
     np.testing.assert_array_equal(with_it.covariance, without.covariance)
-    new = considered(lost, measured, scene, prior, forces=forces)
+    new = considered(lost, remaining, forces=forces)
     np.testing.assert_array_equal(new.covariance[1], lost.covariance[1])
     assert np.all(new.covariance[0] != lost.covariance[0])
     moved, lineage = maneuvers_within(

@@ -11,7 +11,7 @@ from cislunar.observation import METERS, Sensor, sensor_limits, unit_vectors
 from cislunar.photometry import phase_angle, sphere_magnitude
 from cislunar.survey import (
     FieldGrid,
-    KnownOrbits,
+    Predictions,
     SearchPlanner,
     SearchSettings,
     detection_probability,
@@ -21,8 +21,16 @@ from cislunar.tasking import tracking_problem
 
 SCENE = tracking_problem(n_observers=3, n_targets=1, duration_hours=4).scene
 LIMITS = sensor_limits(Sensor(), 3)
-NONE = KnownOrbits(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0), np.empty((0, 2, 3)))
+NONE = Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0), np.empty(0, dtype=int))
 NO_FIELDS, NO_CHANCE = np.empty((3, 0, 2), dtype=int), np.empty((3, 0, 2))
+
+
+def orbit_at(place, covariance, detections=0):
+    """One certain orbit at a place."""
+    whole = np.zeros((1, 6, 6))
+    whole[0, :3, :3] = covariance
+    state, count = np.append(place, np.zeros(3))[None], np.array([detections])
+    return Predictions(state, whole, np.ones(1), count)
 
 
 def planned(planner, weight, fields, chance, known=NONE, own=(NO_FIELDS, NO_CHANCE)):
@@ -157,20 +165,19 @@ def test_orbits_with_few_magnitudes_are_worth_more_than_those_with_many():
     assert ratio > 6.0
     np.testing.assert_allclose(worth, 0.5 * np.log([7.0, 4.0, 1.0 + 6.0 / 400.0]))
     place = np.array([[0.2, 0.9, 0.1]])
-    known = KnownOrbits(place, np.zeros((1, 3, 3)), np.ones(1), np.tile(place[:, None], (1, 2, 1)))
     own = planner.fields_of(views(SCENE, LIMITS, 10, place))[:, :, None].repeat(2, axis=2)
     chance = np.ones((3, 1, 2))
     # a field elsewhere is worth 0.16
     weight, fields = np.array([0.2, 0.2]), np.array([[7, 8]] * 3)
     for count, followed in ((10, True), (400, False)):
         planner = SearchPlanner(settings, SCENE, LIMITS, 0.4)
-        one = known._replace(detections=np.array([count]))
+        one = orbit_at(place[0], np.zeros((3, 3)), count)
         plan = planned(planner, weight, fields, np.full((3, 2), 0.8), one, (own, chance))
         assert (own[0, 0, 0] in plan.field[plan.observer == 0]) == followed
     without = SearchPlanner(
         settings.model_copy(update={"characterization_worth": 0}), SCENE, LIMITS
     )
-    plan = planned(without, weight, fields, np.full((3, 2), 0.8), known, (own, chance))
+    plan = planned(without, weight, fields, np.full((3, 2), 0.8), one, (own, chance))
     assert np.isin(plan.field, [7, 8]).all()
 
 
@@ -194,8 +201,8 @@ def test_a_second_observer_is_worth_more_than_the_same_again():
     line = place - SCENE.observer_position[0, index]
     line /= np.linalg.norm(line)
     covariance = 1e-10 * np.eye(3) + 1e-3 * np.outer(line, line)
-    known = KnownOrbits(place[None], covariance[None], np.ones(1), np.tile(place, (1, 2, 1)))
-    gains = [planner._information(o, index, known, covariance[None])[0] for o in range(3)]
+    known = orbit_at(place, covariance)
+    gains = [planner._information(o, index, place[None], covariance[None])[0] for o in range(3)]
     for o in range(3):
         updated = planner._measured(o, index, place[None], covariance[None])[0]
         ratio = np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(updated)[1]

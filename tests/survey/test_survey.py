@@ -213,7 +213,8 @@ def test_detections_near_a_predicted_position_are_explained():
     velocity, time = np.array([0.0, 0.5, 0.0]), 2.0
     covariance = np.zeros((1, 6, 6))
     covariance[0, :3, :3] = np.diag([0.0, 1e-6, 0.0])
-    now = Predictions(np.concatenate([position, velocity])[None], covariance, np.ones(1))
+    state = np.concatenate([position, velocity])[None]
+    now = Predictions(state, covariance, np.ones(1), np.ones(1, dtype=int))
     later = time + 1e-3
     offsets = np.array([0.0, 0.003, 0.004, 0.1])
     ways = position + 1e-3 * velocity + offsets[:, None] * np.array([0.0, 1.0, 0.0])
@@ -221,5 +222,5 @@ def test_detections_near_a_predicted_position_are_explained():
     found = SurveyCatalog.explains(None, angles, now, time)
     # three standard deviations are 0.003, and 0.00035 is allowed for the curvature
     assert found.tolist() == [True, True, False, False]
-    nothing = Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0))
+    nothing = Predictions(*(each[:0] for each in now))
     assert not SurveyCatalog.explains(None, angles, nothing, time).any()

@@ -12,6 +12,7 @@ from cislunar.estimation.navigation import ObserverErrors, ObserverErrorSigma
 from cislunar.orbit_determination import fit_orbits, make_angles
 from cislunar.survey import ObjectDensity, true_objects
 from cislunar.survey.navigation import (
+    RemainingErrors,
     calibrate,
     considered,
     corrected_angles,
@@ -127,15 +128,14 @@ def test_confirmed_orbits_calibrate_the_observers():
             used = corrected_angles(angles, PROBLEM.scene, found)
             fits = fit_orbits(used, members, truth, epoch, forces=EARTH_MOON)
             assert (fits.status == 0).all()
-            covariance = considered(
-                fits, angles, PROBLEM.scene, found, forces=EARTH_MOON
-            ).covariance
+            remaining = RemainingErrors(angles, PROBLEM.scene, found)
+            covariance = considered(fits, remaining, forces=EARTH_MOON).covariance
             nees = [
                 (t - s) @ np.linalg.solve(p, t - s)
                 for t, s, p in zip(truth, fits.state, covariance, strict=True)
             ]
             consistent[number].extend(nees)
-            found = calibrate(fits, angles, PROBLEM.scene, sigma, found, forces=EARTH_MOON)
+            found = calibrate(fits, remaining, sigma, forces=EARTH_MOON)
         off = error - found.mean
         squared += [e @ np.linalg.solve(found.covariance[o, :, o], e) for o, e in enumerate(off)]
         left.append(np.rad2deg(off[:, 3:]) * 3600.0)
@@ -185,7 +185,8 @@ def test_the_calibration_is_the_joint_least_squares_solution():
     scale = np.linalg.norm(whole, axis=0)
     step = np.linalg.lstsq(whole / scale, -np.concatenate([base, np.zeros(n)]), rcond=None)[0]
     expected = (step / scale)[12:].reshape(errors.shape) * sigma.constant()[:5]
-    found = calibrate(fits, angles, PROBLEM.scene, sigma, start, forces=EARTH_MOON)
+    remaining = RemainingErrors(angles, PROBLEM.scene, start)
+    found = calibrate(fits, remaining, sigma, forces=EARTH_MOON)
     spread = np.sqrt(np.diag(found.covariance.reshape(n, n))).reshape(errors.shape)
     assert np.abs((found.mean - expected) / spread).max() < 0.05
 

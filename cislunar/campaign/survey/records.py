@@ -70,7 +70,7 @@ class SurveyRecorder:
         self._links: list[tuple[int, Indices]] = []
         self._held: dict[int, int] = {}
         self._rows = np.empty(0, dtype=np.int64)
-        self._starts: list[tuple[float, Array, Array]] = []
+        self._starts = np.empty(0), np.empty((0, 6)), np.empty((0, 6, 6))
         self._catalog: CatalogRecord | None = None
         self._block: BlockRecord | None = None
 
@@ -103,7 +103,7 @@ class SurveyRecorder:
         time = index * self._scene.step
         states, covariances, kept = orbits_at(self._starts, time, self._forces)
         self._rows = self._rows[kept]
-        self._starts = [(time, *each) for each in zip(states, covariances, strict=True)]
+        self._starts = np.full(kept.size, time), states, covariances
         return self._rows, states, covariances
 
     def _take(self, catalog: CatalogRecord, index: int) -> None:
@@ -121,7 +121,7 @@ class SurveyRecorder:
         status[candidates] = np.maximum(status[candidates], 1)
         self._links.append((index, np.append(status, np.full(further - n, 2))))
         self._rows = np.array(list(rows.values()), dtype=np.int64)
-        self._starts = [(float(fits.epoch[k]), fits.state[k], fits.covariance[k]) for k in rows]
+        self._starts = fits.take(list(rows))[:3]
         self._held, self._catalog = rows, catalog
 
     def dataset(self) -> xr.Dataset:

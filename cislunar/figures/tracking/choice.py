@@ -34,15 +34,12 @@ def _cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
 
 def _by_targets(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
     """Cells by rising number of targets in the first scenario."""
-    cells = [c for c in _cells(task2, architecture) if c.interval_minutes == _usual(task2)]
+    usual = int(task2["interval_minutes"])
+    cells = [c for c in _cells(task2, architecture) if c.interval_minutes == usual]
     scenario = next((s for s in task2["target_counts"] if any(c.scenario == s for c in cells)), "")
     counts = set(task2["target_counts"].get(scenario, ()))
     found = [c for c in cells if c.scenario == scenario and c.targets in counts]
     return sorted(found, key=lambda cell: cell.targets)
-
-
-def _usual(task2: Mapping[str, Any]) -> int:
-    return int(task2["interval_minutes"])
 
 
 def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:

@@ -1,6 +1,7 @@
-"""Estimation errors of single targets with their 3-sigma and Cramer-Rao bounds, over time."""
+"""Estimation errors of single targets with their 3-sigma and Cramer-Rao bounds, over time: by
+component, and as norms in degrees and kilometers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -290,3 +291,57 @@ def targets_legend(
         label = "3 \N{MULTIPLICATION SIGN} Cramér-Rao bound"
         handles.insert(2, Line2D([], [], **LEAST, label=label))
     layout.legend_below(figure, handles, foot)
+
+
+_LEFT, _RIGHT, _GAP, _BETWEEN = 0.78, 0.12, 0.14, 0.12
+_NORM_IN, _HEAD, _FOOT = 1.15, 0.8, 0.66
+
+
+def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
+    """Draw error norms of a few targets: a column for each, a row for each part of the state."""
+    return error_norms_figure(cell_title(cell, data), data, selected_targets(data))
+
+
+@style.house_style()
+def error_norms_figure(title: str, data: xr.Dataset, chosen: Mapping[int, str]) -> Figure:
+    """Draw error norms of targets, given by their indices with a reason for each."""
+    width_in = (style.PAGE_WIDTH_IN - _LEFT - _RIGHT - _GAP * (SELECTED - 1)) / SELECTED
+    grid = layout.Grid(len(PARTS), SELECTED, width_in, _NORM_IN, _LEFT, _FOOT, _GAP, _BETWEEN)
+    figure = style.new_figure(_HEAD + grid.size[1] + _FOOT)
+    layout.title_above(figure, title)
+    for row, part in enumerate(PARTS):
+        drawn, shown_values = [], [np.empty(0)]
+        for column, (target, why) in enumerate(chosen.items()):
+            axes = grid.place(figure, row, column)
+            hours, error, sigma = histories(data, target)
+            bounds = (BOUND_SIGMAS * each for each in (sigma, least_errors(data, target)))
+            norms = (np.linalg.norm(each[:, part.columns], axis=1) for each in (error, *bounds))
+            shown_values += _draw_norms(axes, hours, *norms)
+            mark_measurements(axes, data, target)
+            time_axis(axes, labeled=row == len(PARTS) - 1)
+            axes.tick_params(labelleft=column == 0)
+            if row == 0:
+                text = heading(data, target, column, why)
+                axes.set_title(text, fontsize=7.0, loc="left", linespacing=1.3)
+            if column == 0:
+                label_errors(axes, part, -0.27)
+            drawn.append(axes)
+        limits = layout.reach(np.concatenate(shown_values), log=True, share=0.12)
+        for axes in drawn:
+            layout.set_vertical(axes, limits, log=True)
+            axes.grid(True, axis="y")
+    within = "3\N{GREEK SMALL LETTER SIGMA} bound, root sum of squares"
+    targets_legend(figure, "norm of the error", within, bound="bound" in data)
+    return figure
+
+
+def _draw_norms(
+    axes: Axes, hours: Array, error: Array, deviation: Array, least: Array
+) -> list[Array]:
+    """Draw the norm of the error and its bounds; all values are returned."""
+    axes.fill_between(hours, 1e-30, deviation, color=style.SKY, alpha=0.4, linewidth=0, zorder=2)
+    axes.plot(hours, deviation, color=style.BLACK, linewidth=0.6, zorder=3)
+    axes.plot(hours, error, color=style.BLACK, linewidth=0.9, zorder=4)
+    if least.size:
+        axes.plot(hours, least, **LEAST, zorder=3.5)
+    return [error, deviation, least]

@@ -10,7 +10,6 @@ from matplotlib.lines import Line2D
 from cislunar.figures import axes as layout
 from cislunar.figures import labels, style
 from cislunar.figures.tracking import errors
-from cislunar.figures.tracking.norms import error_norms_figure
 
 _COLORS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 _MARKERS = "os^DvP"
@@ -29,7 +28,8 @@ def run_errors_figure(data: xr.Dataset, target: int | None = None) -> Figure:
         Index of the target; by default a few of them, with the reason for each.
     """
     chosen = errors.selected_targets(data) if target is None else {target: "target"}
-    return error_norms_figure(f"{_title(data)}; {labels.realization_text(data)}", data, chosen)
+    title = f"{_title(data)}; {labels.realization_text(data)}"
+    return errors.error_norms_figure(title, data, chosen)
 
 
 @style.house_style()
@@ -116,9 +116,7 @@ def light_curve_figure(
         axes = grid.place(figure, *divmod(number, columns))
         for k in range(len(observers)):
             some = (of == j) & (by == k)
-            axes.plot(hours[some], magnitude[some], linestyle="none", markersize=1.6,
-                      marker=_MARKERS[k % len(_MARKERS)], markeredgewidth=0,
-                      color=_COLORS[k % len(_COLORS)])  # fmt: skip
+            axes.plot(hours[some], magnitude[some], **_points(k, 1.6), markeredgewidth=0)
         if not counts[j]:
             layout.note_empty(axes, "no measurement")
         axes.set_xlim(0.0, end)
@@ -130,8 +128,7 @@ def light_curve_figure(
             axes.set_xlabel("time since the epoch, h")
     if not chosen:
         layout.note_empty(grid.place(figure, 0, 0), "no target was detected")
-    handles = _observer_handles(observers)
-    layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
+    _observers_legend(figure, observers)
     return figure
 
 
@@ -167,23 +164,24 @@ def residuals_figure(
         axes = grid.place(figure, row, 0)
         for k in range(len(observers)):
             some = kept & (by == k)
-            axes.plot(hours[some], data[name].values[some], linestyle="none", markersize=2.0,
-                      marker=_MARKERS[k % len(_MARKERS)], markeredgewidth=0,
-                      color=_COLORS[k % len(_COLORS)])  # fmt: skip
+            axes.plot(hours[some], data[name].values[some], **_points(k, 2.0), markeredgewidth=0)
         axes.axhline(0.0, color=style.GRAY, linewidth=0.6, zorder=1)
         axes.set_ylabel(label)
         axes.tick_params(labelbottom=row == 2)
     axes.set_xlabel("time since the epoch, h")
-    layout.legend_below(figure, _observer_handles(observers), 0.07, min(len(observers), 6))
+    _observers_legend(figure, observers)
     return figure
 
 
-def _observer_handles(observers: Sequence[str]) -> list[Line2D]:
-    return [
-        Line2D([], [], linestyle="none", markersize=3.0, marker=_MARKERS[k % len(_MARKERS)],
-               color=_COLORS[k % len(_COLORS)], label=name)
-        for k, name in enumerate(observers)
-    ]  # fmt: skip
+def _points(observer: int, size: float) -> dict:
+    """Keywords of the markers of an observer for ``plot``."""
+    marker, color = _MARKERS[observer % len(_MARKERS)], _COLORS[observer % len(_COLORS)]
+    return {"linestyle": "none", "marker": marker, "color": color, "markersize": size}
+
+
+def _observers_legend(figure: Figure, observers: Sequence[str]) -> None:
+    handles = [Line2D([], [], label=name, **_points(k, 3.0)) for k, name in enumerate(observers)]
+    layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
 
 
 def _title(data: xr.Dataset) -> str:

@@ -16,14 +16,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.angles import Angles, rotate_about_z, tangent_basis
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _CURVATURE_CHI_SQUARED = float(chi2.ppf(0.999, 2))
 """Decrease of chi squared from which a path is fitted with a curvature."""

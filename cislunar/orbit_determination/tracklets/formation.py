@@ -17,9 +17,7 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.observation import ARCSECOND
 from cislunar.orbit_determination.angles import Angles, rotate_about_z
 from cislunar.orbit_determination.tracklets.settings import TrackletSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Indices
 
 _PATH_LENGTH = 7
 """Number of detections in the path to which a further one is fitted, itself included."""

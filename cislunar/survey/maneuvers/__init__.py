@@ -6,8 +6,8 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "division": ["divided", "overlapping_pairs", "replaced"],
     "lineage": ["Lineage", "OrbitPaths", "find_lineage", "orbit_paths"],
-    "misses": ["FieldHistory", "log_missed"],
-    "status": ["CURRENT", "LOST", "ManeuveredOrbits", "SUPERSEDED", "Watch", "maneuvered_orbits"],
+    "misses": ["FieldHistory", "Watch", "log_missed"],
+    "status": ["CURRENT", "LOST", "ManeuveredOrbits", "SUPERSEDED", "maneuvered_orbits"],
     "within": ["maneuvers_within"],
 })
 # fmt: on

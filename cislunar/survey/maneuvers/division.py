@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import Angles, OrbitFits, agrees, concatenate_fits
+from cislunar.runtime import Array
 from cislunar.survey.maneuvers.lineage import OrbitPaths
-
-Array = NDArray[np.float64]
 
 _AROUND_H = 2.0
 """Time before and after the ends of two orbits within which they are divided."""

@@ -35,12 +35,9 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits
-from cislunar.survey.navigation import propagated
+from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
+from cislunar.runtime import Array, Indices
 from cislunar.survey.settings import LineageSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _COARSE_S, _FINE_S = 600.0, 60.0
 """Longest intervals of a search for encounters, and of the integral of equation (1)."""
@@ -118,9 +115,7 @@ class _Solution(NamedTuple):
     state: tuple[Array, Array]
 
 
-def orbit_paths(
-    fits: OrbitFits, first: float, last: float, *, forces: tuple, step_s: float = _COARSE_S
-) -> OrbitPaths:
+def orbit_paths(fits: OrbitFits, first: float, last: float, *, forces: tuple) -> OrbitPaths:
     """Orbits and covariances of their positions at common times.
 
     Parameters
@@ -131,14 +126,12 @@ def orbit_paths(
         Times between which the paths are sought, nondimensional.
     forces : NamedTuple
         CR3BP or ephemeris forces.
-    step_s : float
-        Largest step, s.
 
     Returns
     -------
     OrbitPaths
     """
-    count = max(1, int(np.ceil((last - first) * TIME_UNIT_S / step_s - 1e-9)))
+    count = max(1, int(np.ceil((last - first) * TIME_UNIT_S / _COARSE_S - 1e-9)))
     time, n = np.linspace(first, last, count + 1), fits.epoch.size
     state, covariance = np.empty((n, time.size, 6)), np.empty((n, time.size, 3, 3))
     for begin in range(0, n, _AT_ONCE):

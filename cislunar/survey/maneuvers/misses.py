@@ -17,16 +17,13 @@ with c < 1 because the assumed brightness of a sphere is not that of the body.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import Angles, OrbitFits, implied_size
+from cislunar.runtime import Array, Indices
 from cislunar.survey.fields import detection_probability, views
 from cislunar.survey.maneuvers.lineage import OrbitPaths
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _TRUST = 0.9
 """c of equation (1)."""
@@ -64,18 +61,33 @@ class FieldHistory(NamedTuple):
     half_field: Array
 
 
+class Watch(NamedTuple):
+    """What tells whether an orbit's object would have been detected.
+
+    Attributes
+    ----------
+    fields : FieldHistory
+    scene : Scene
+    limits : SensorLimits
+        Of all observers.
+    magnitude_sigma : float
+        Standard deviation of magnitudes about those of a sphere, mag.
+    loss : float
+        Share of detectable objects that an exposure loses.
+    block_s : float
+        Time within which the exposures of an observer count as one, s.
+    """
+
+    fields: FieldHistory
+    scene: Scene
+    limits: SensorLimits
+    magnitude_sigma: float
+    loss: float
+    block_s: float
+
+
 def log_missed(
-    fits: OrbitFits,
-    angles: Angles,
-    which: Indices,
-    paths: OrbitPaths,
-    *,
-    fields: FieldHistory,
-    scene: Scene,
-    limits: SensorLimits,
-    magnitude_sigma: float,
-    loss: float,
-    block_s: float,
+    fits: OrbitFits, angles: Angles, which: Indices, paths: OrbitPaths, watch: Watch
 ) -> Array:
     """Logarithm of the probability that no exposure since its last detection detected the object of
     an orbit, if it is where it is predicted.
@@ -90,22 +102,14 @@ def log_missed(
         Orbits.
     paths : OrbitPaths
         Of all orbits, to the last exposure.
-    fields : FieldHistory
-    scene : Scene
-    limits : SensorLimits
-        Of all observers.
-    magnitude_sigma : float
-        Standard deviation of magnitudes about those of a sphere, mag.
-    loss : float
-        Share of detectable objects that an exposure loses.
-    block_s : float
-        Time within which the exposures of an observer count as one, s.
+    watch : Watch
 
     Returns
     -------
     ndarray, shape (n,)
         Equation (1); 0 for an orbit of unknown brightness.
     """
+    fields, scene, limits, magnitude_sigma, loss, block_s = watch
     last = angles.time[fits.row[fits.begin[which + 1] - 1]]
     size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
     known = np.isfinite(size)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import (
     ORBIT,
     AdmissibleRegion,
@@ -20,7 +19,7 @@ from cislunar.orbit_determination import (
 )
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
-from cislunar.survey.maneuvers.misses import FieldHistory, log_missed
+from cislunar.survey.maneuvers.misses import Watch, log_missed
 from cislunar.survey.maneuvers.within import maneuvers_within
 from cislunar.survey.navigation import RemainingErrors
 from cislunar.survey.settings import LineageSettings
@@ -28,25 +27,6 @@ from cislunar.survey.settings import LineageSettings
 CURRENT, LOST, SUPERSEDED = "current", "lost", "superseded"
 """Status of an orbit: where its object is; not there any more, by exposures without a detection;
 that of its object before a maneuver, after which another orbit is known."""
-
-
-class Watch(NamedTuple):
-    """What tells whether an orbit's object would have been detected; see `log_missed`.
-
-    Attributes
-    ----------
-    fields : FieldHistory
-    scene : Scene
-    limits : SensorLimits
-    magnitude_sigma, loss, block_s : float
-    """
-
-    fields: FieldHistory
-    scene: Scene
-    limits: SensorLimits
-    magnitude_sigma: float
-    loss: float
-    block_s: float
 
 
 class ManeuveredOrbits(NamedTuple):
@@ -144,7 +124,7 @@ def maneuvered_orbits(
     status[before] = SUPERSEDED
     if watch is not None and own.size:
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
-        missed = log_missed(fits, angles, rest, paths, **watch._asdict())
+        missed = log_missed(fits, angles, rest, paths, watch)
         gap = (now - last[rest]) * TIME_UNIT_S / SECONDS_PER_DAY
         moved = -np.expm1(-settings.maneuvers_per_day * gap)
         gone = moved / (moved + (1.0 - moved) * np.exp(missed))

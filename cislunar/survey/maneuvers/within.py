@@ -28,22 +28,15 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import Angles, OrbitFits
+from cislunar.orbit_determination import Angles, OrbitFits, propagated
+from cislunar.runtime import Array
 from cislunar.survey.maneuvers.lineage import Lineage, moments
-from cislunar.survey.navigation import (
-    ObservedPath,
-    RemainingErrors,
-    observed_path,
-    propagated,
-)
+from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_path
 from cislunar.survey.settings import LineageSettings
-
-Array = NDArray[np.float64]
 
 _COARSE_S, _FINE_S, _WORTH = 900.0, 60.0, 20.0
 """Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of

@@ -29,14 +29,12 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
+from cislunar.runtime import Array
 from cislunar.survey.navigation.paths import ObservedPath, observed_path
-
-Array = NDArray[np.float64]
 
 _NEAR = 0.1
 """Range at which a position error counts in the variance of angles, nondimensional."""
@@ -132,10 +130,8 @@ def corrected_angles(angles: Angles, scene: Scene, errors: ObserverCalibration) 
 
 def calibrate(
     fits: OrbitFits,
-    angles: Angles,
-    scene: Scene,
+    given: RemainingErrors,
     prior: ObserverErrorSigma,
-    errors: ObserverCalibration,
     *,
     forces: tuple,
     radiation_sigma: float = 0.0,
@@ -145,14 +141,11 @@ def calibrate(
     Parameters
     ----------
     fits : OrbitFits
-        Orbits of objects, fitted to the angles that `errors` corrects.
-    angles : Angles
-        As measured.
-    scene : Scene
+        Orbits of objects, fitted to the angles that the errors of `given` correct.
+    given : RemainingErrors
+        With the errors with which the orbits were fitted.
     prior : ObserverErrorSigma
         Standard deviations of the errors before any detection.
-    errors : ObserverCalibration
-        With which the orbits were fitted.
     forces : NamedTuple
         CR3BP or ephemeris forces.
     radiation_sigma : float
@@ -164,12 +157,12 @@ def calibrate(
         Components without a prior standard deviation are not estimated. Orbits that cannot be
         propagated to their detections do not count.
     """
+    angles, scene, errors = given
     shape = errors.mean.shape
     sigma = np.tile(prior.constant()[:_ESTIMATED], len(errors.mean))
     # in standard deviations of the prior
     normal = np.eye(sigma.size)
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
-    given = RemainingErrors(angles, scene, errors)
     for k in range(fits.epoch.size):
         path = given.path(fits, k, forces, radiation_sigma)
         if path is None:
@@ -193,9 +186,7 @@ def calibrate(
     return ObserverCalibration(errors.mean + mean, scaled.reshape(*shape, *shape))
 
 
-def considered(
-    fits: OrbitFits, angles: Angles, scene: Scene, errors: ObserverCalibration, *, forces: tuple
-) -> OrbitFits:
+def considered(fits: OrbitFits, remaining: RemainingErrors, *, forces: tuple) -> OrbitFits:
     """Orbits with the covariance due to noise and to what remains of the errors of the observers.
 
     With the weights W that a fit has used and its gain K = (A'WA)^-1 A'W, noise R and the
@@ -206,11 +197,8 @@ def considered(
     Parameters
     ----------
     fits : OrbitFits
-        Orbits fitted to the angles that `errors` corrects.
-    angles : Angles
-        As measured.
-    scene : Scene
-    errors : ObserverCalibration
+        Orbits fitted to the angles that the errors of `remaining` correct.
+    remaining : RemainingErrors
     forces : NamedTuple
         CR3BP or ephemeris forces.
 
@@ -220,7 +208,6 @@ def considered(
         With other covariances and roots; those of fits that have not converged, or that cannot be
         propagated to their detections, are kept.
     """
-    remaining = RemainingErrors(angles, scene, errors)
     found: dict[int, Array] = {}
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
         path = remaining.path(fits, k, forces)

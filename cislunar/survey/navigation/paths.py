@@ -1,18 +1,13 @@
-"""Paths of fitted orbits, and their derivatives."""
+"""Fitted orbits along their detections, and the derivatives of their paths."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.dynamics import Radiation, propagate_stm
-from cislunar.errors import CislunarError
-from cislunar.orbit_determination import Angles, OrbitFits
-
-Array = NDArray[np.float64]
-
-_TOLERANCE = 1e-9
-"""Of the propagation, relative to one unit of length: half a meter after a week."""
+from cislunar.dynamics import Radiation
+from cislunar.orbit_determination import Angles, OrbitFits, propagated
+from cislunar.runtime import Array
 
 
 class ObservedPath(NamedTuple):
@@ -81,36 +76,6 @@ def observed_path(
         stm[:, :3],
         by_radiation(*start, angles.time, path, forces, radiation_sigma),
     )
-
-
-def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
-    """Orbits and their transition matrices at common times.
-
-    Parameters
-    ----------
-    state : ndarray, shape (n, 6)
-        Nondimensional, propagation frame.
-    epoch : ndarray, shape (n,)
-        Times of the states, nondimensional, since the epoch of the force model.
-    time : ndarray, shape (m,)
-    forces : NamedTuple
-        CR3BP or ephemeris forces.
-
-    Returns
-    -------
-    states : ndarray, shape (n, m, 6)
-    transition : ndarray, shape (n, m, 6, 6)
-        NaN for an orbit that cannot be propagated.
-    """
-    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
-    try:
-        return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
-    except CislunarError:
-        if len(state) == 1:
-            shape = 1, time.size, 6
-            return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
-    parts = [propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
-    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
 def by_radiation(
