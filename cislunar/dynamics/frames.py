@@ -19,14 +19,12 @@ for a nondimensional state (p, p').
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
-from cislunar.runtime.arguments import require_choice
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, require_choice
 
 BARYCENTER = "barycenter"
 CENTERS = (BARYCENTER, *COLUMNS)

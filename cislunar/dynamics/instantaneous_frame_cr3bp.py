@@ -29,8 +29,7 @@ from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import Frame, lunar_frame, pulsating_frame, to_inertial
 from cislunar.ephemeris.bodies import GM_MOON, BodyTable
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 LOW_LUNAR_KM = 20_000.0
 """Apolune radius below which an orbit is a low lunar orbit, km: a third of the Moon's Hill

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class Schedule(NamedTuple):

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
@@ -28,9 +28,7 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.arguments import array_of, number_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, array_of, number_of
 
 _OBSERVER_RATE_DEG_H = (0.0, 0.0, 1.0)
 """Angular velocity of the observers, body frame, deg/h (Paul & Fan, table 3)."""

@@ -28,7 +28,7 @@ from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime.arguments import require_kind
+from cislunar.runtime.arguments import Array, require_kind
 from cislunar.targets.maneuver_model import DrawnManeuvers
 from cislunar.targets.maneuvers import (
     NO_MANEUVERS,
@@ -45,8 +45,6 @@ from cislunar.tasking.initial_conditions import (
     TORQUE,
     stream,
 )
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-13  # of integrated attitudes
 

@@ -34,11 +34,9 @@ from cislunar.observation.sightline import METERS, in_clear_view, sphere_brighte
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import Array, require_choice
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information_bound import bound_all
-
-Array = NDArray[np.float64]
 
 STATES = ("translation", "full")
 
