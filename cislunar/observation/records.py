@@ -131,23 +131,6 @@ def arranged(
     return Measurements(offset, observer[order], value[order], variance[order]), order
 
 
-def constant_schedule(target: ArrayLike, n_targets: int, n_steps: int) -> Schedule:
-    """Schedule in which every observer observes its target at every step.
-
-    Parameters
-    ----------
-    target : array_like of int, shape (observer,)
-        Target of each observer; negative for an idle one.
-    n_targets, n_steps : int
-
-    Raises
-    ------
-    ConfigurationError
-        If a target is not below `n_targets`.
-    """
-    return pointed_schedule(np.tile(np.asarray(target, dtype=np.int64), (n_steps, 1)), n_targets)
-
-
 def pointed_schedule(target: ArrayLike, n_targets: int) -> Schedule:
     """Schedule in which every observer observes a given target at each step.
 

@@ -1,6 +1,6 @@
 """Truth of the targets: bodies and motion, and the errors of the estimates."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -347,20 +347,6 @@ def _sun_pressure(
         surfaces.first, surfaces.areas, surfaces.normals, diffuse, specular, np.array(center),
         inverse,
     )  # fmt: skip
-
-
-def draw_truth(
-    initial: InitialEstimate,
-    scene: Scene,
-    noise: ArrayLike,
-    seed: int,
-    target_ids: ArrayLike,
-    **model: Any,
-) -> Truth:
-    """Sample the true states from the initial distribution and propagate them to all times of the
-    scene; see `TrueMotion` for the arguments and errors."""
-    motion = TrueMotion(initial, scene, noise, seed, target_ids, **model)
-    return motion.advance(scene.sun_position.shape[0] - 1)
 
 
 @njit_noalloc
