@@ -44,7 +44,7 @@ from cislunar.estimation.light_curves.row_blocks import (
 from cislunar.estimation.maneuvers import ManeuverDetection, monitored
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import DETECTED, measure
-from cislunar.observation.records import constant_schedule
+from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.materials import PRINTED
@@ -59,7 +59,7 @@ from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.preselection import assign_preselected
 from cislunar.tasking.planning.schedule_model import ScheduleModel
-from cislunar.tasking.truth import TruthModel, draw_truth
+from cislunar.tasking.truth import TrueMotion, TruthModel
 
 SENSOR = Sensor(limiting_magnitude=24.0)
 LOW_LUNAR_KM = (170.0, 4313.0), (109.0, 8920.0), (164.0, 18074.0), (118.0, 4412.0)
@@ -70,8 +70,8 @@ def filter_times() -> None:
     """Print the time of prediction and update per target and step."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=24.0)
     initial = initial_estimate(epoch, loop.initial.components())
-    truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
-    observations = constant_schedule(np.arange(5), 5, loop.n_steps)
+    truth = TrueMotion(initial, scene, SENSOR.noise, 3, ids).advance(loop.n_steps)
+    observations = pointed_schedule(np.tile(np.arange(5), (loop.n_steps, 1)), 5)
     measured, _ = measure(
         1, observations, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
     )
@@ -111,8 +111,8 @@ def light_curve_times() -> None:
     """Print the time of a magnitude, and of its derivative in closed form and by differences."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=12.0)
     initial = initial_estimate(epoch, loop.initial.components())
-    truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
-    observations = constant_schedule(np.arange(5), 5, loop.n_steps)
+    truth = TrueMotion(initial, scene, SENSOR.noise, 3, ids).advance(loop.n_steps)
+    observations = pointed_schedule(np.tile(np.arange(5), (loop.n_steps, 1)), 5)
     measured, outcome = measure(
         1, observations, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
     )

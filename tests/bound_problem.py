@@ -1,7 +1,7 @@
 """A short run whose Cramér-Rao bound tests compare."""
 
 import numpy as np
-from measured import during
+from measured import draw_truth, during
 from oracles.rigid_rotation import propagate_rotation
 
 from cislunar.evaluation.cramer_rao import CramerRaoBound
@@ -9,7 +9,7 @@ from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import Truth, draw_truth
+from cislunar.tasking.truth import Truth
 
 BRIGHT = Sensor(limiting_magnitude=25.0)
 UNEVEN = (1.0, 1.8, 2.3)

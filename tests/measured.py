@@ -4,16 +4,27 @@ import numpy as np
 
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.measurement import measure
-from cislunar.observation.records import rows_of, schedule
+from cislunar.observation.records import pointed_schedule, rows_of, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
+from cislunar.tasking.truth import TrueMotion
 
 SENSOR = Sensor(limiting_magnitude=24.0)
+
+
+def draw_truth(initial, scene, noise, seed, target_ids, **model):
+    """True states, drawn from the initial distribution, at all times of the scene."""
+    motion = TrueMotion(initial, scene, noise, seed, target_ids, **model)
+    return motion.advance(scene.sun_position.shape[0] - 1)
+
+
+def constant_schedule(target, n_targets, n_steps):
+    """Schedule in which every observer, shape (observer,), observes its target at every step."""
+    return pointed_schedule(np.tile(target, (n_steps, 1)), n_targets)
 
 
 def observed_by(observer_of, scene, surfaces, sensor, truth, first=1, n_steps=None):

@@ -4,8 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "bounds": ["check_period", "check_position", "check_velocity", "require_kilometers",
-        "require_nondimensional"],
+    "bounds": ["check_period", "check_position", "check_velocity", "require_nondimensional"],
     "bundle": ["propagate_bundle", "step_bundle", "step_cloud"],
     "cr3bp": ["CR3BP", "EARTH_MOON", "equations_of_motion", "jacobi_constant", "libration_points",
         "primary_distances", "primary_positions", "pseudo_potential", "variational_matrix",

@@ -104,21 +104,9 @@ def require_nondimensional(name: str, given: ArrayLike) -> None:
 
 
 def require_kilometers(name: str, state: ArrayLike) -> None:
-    """Refuse a state that must be in another unit than km and km/s.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument, for the message.
-    state : array_like, shape (6,)
-        State relative to the Earth-Moon barycenter, inertial axes, km and km/s.
-
-    Raises
-    ------
-    ConfigurationError
-        If the distance exceeds that of `check_position`, or the speed exceeds an escape from the
-        surface of the Earth with the excess of `check_velocity`.
-    """
+    """Raise a `ConfigurationError` for a state (6,) relative to the Earth-Moon barycenter, inertial
+    axes, that must be in another unit than km and km/s: beyond `_FURTHEST_KM`, or faster than
+    `_FASTEST_KM_S`."""
     values = np.asarray(state, dtype=float)
     for quantity, found, most, unit in (
         ("distance", float(np.linalg.norm(values[:3])), _FURTHEST_KM, "km"),

@@ -12,7 +12,7 @@ sets of sigma points take half as many stages. Truth and Cramer-Rao bound always
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import copy_into, for_all_others, njit, njit_noalloc
 from cislunar.dynamics.cr3bp import EARTH_MOON
@@ -26,8 +26,7 @@ from cislunar.dynamics.forces import (
     require_span,
 )
 from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 @njit_noalloc

@@ -9,15 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from cislunar.compiled import implements
 from cislunar.constants import MU
 from cislunar.dynamics import forces
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class CR3BP(NamedTuple):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_kilometers
@@ -23,9 +23,7 @@ from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError
 from cislunar.quantities import in_kilometers
-from cislunar.runtime.arguments import require_kind
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, require_kind
 
 UNITS = np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
 """Units of a state, shape (6,): km and km/s."""

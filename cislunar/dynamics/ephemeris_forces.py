@@ -31,8 +31,7 @@ from cislunar.dynamics.radiation import (
     unshaded,
 )
 from cislunar.ephemeris.bodies import GM_EARTH, GM_MOON, GM_SUN, BodyTable, cubic, require_within
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class EphemerisForces(NamedTuple):

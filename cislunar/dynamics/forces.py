@@ -61,21 +61,18 @@ def of_targets(forces: tuple, targets: NDArray[np.int64]) -> tuple:
     targets : ndarray of int, shape (n,)
         Their indices.
     """
-    return forces if _targets_in(forces) is None else forces.of_targets(targets)
+    common = getattr(forces, "n_targets", None) is None
+    return forces if common else forces.of_targets(targets)
 
 
 def require_targets(forces: tuple, n_targets: int) -> None:
     """Raise a `ConfigurationError` if a model has values for another number of targets."""
-    known = _targets_in(forces)
+    known = getattr(forces, "n_targets", None)
     if known not in (None, n_targets):
         raise ConfigurationError(
             f"forces: the model has values for {known} targets, not for {n_targets}; pass a model "
             "of all targets"
         )
-
-
-def _targets_in(forces: tuple) -> int | None:
-    return getattr(forces, "n_targets", None)
 
 
 def at(forces, t):

@@ -19,14 +19,12 @@ for a nondimensional state (p, p').
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
-from cislunar.runtime.arguments import require_choice
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, require_choice
 
 BARYCENTER = "barycenter"
 CENTERS = (BARYCENTER, *COLUMNS)
@@ -61,7 +59,7 @@ class Frame(NamedTuple):
         return out
 
 
-def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
+def pulsating_frame(table: BodyTable, time: ArrayLike) -> Frame:
     """Frame in which Earth and Moon are at rest, with instantaneous units.
 
     Parameters
@@ -70,8 +68,6 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
         Positions of the bodies.
     time : array_like, shape (...)
         TDB seconds past J2000.
-    mu : float
-        Mass ratio of the CR3BP.
 
     Raises
     ------
@@ -89,7 +85,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
     rotation = np.stack(
         [distance * across / momentum, np.zeros_like(distance), momentum / distance**2], axis=-1
     )
-    origin = [(1.0 - mu) * each[..., earth] + mu * each[..., moon] for each in (position, velocity)]
+    origin = [(1.0 - MU) * each[..., earth] + MU * each[..., moon] for each in (position, velocity)]
     return Frame(
         origin=np.concatenate(origin, axis=-1),
         axes=axes,
@@ -100,7 +96,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
     )
 
 
-def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
+def lunar_frame(table: BodyTable, time: ArrayLike) -> Frame:
     """Frame with constant units that coincides with the Moon's center; for arguments and errors
     see `pulsating_frame`."""
     position, velocity, _ = read_table(table, time)
@@ -108,7 +104,7 @@ def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
     axes = rotating_frame(
         position[..., moon] - position[..., earth], velocity[..., moon] - velocity[..., earth]
     )
-    distance = (1.0 - mu) * LENGTH_UNIT_KM
+    distance = (1.0 - MU) * LENGTH_UNIT_KM
     origin = [
         position[..., moon] - distance * axes[..., 0, :],
         velocity[..., moon] - distance / TIME_UNIT_S * axes[..., 1, :],

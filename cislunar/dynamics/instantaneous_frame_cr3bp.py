@@ -27,10 +27,9 @@ from cislunar.dynamics import forces
 from cislunar.dynamics.bundle import take_cloud_step, take_step
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.ephemeris import UNITS
-from cislunar.dynamics.frames import Frame, lunar_frame, pulsating_frame, to_inertial
+from cislunar.dynamics.frames import lunar_frame, pulsating_frame, to_inertial
 from cislunar.ephemeris.bodies import GM_MOON, BodyTable
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 LOW_LUNAR_KM = 20_000.0
 """Apolune radius below which an orbit is a low lunar orbit, km: a third of the Moon's Hill
@@ -76,22 +75,16 @@ class _OneFrame(NamedTuple):
 
 
 def instantaneous_frame_cr3bp(
-    table: BodyTable,
-    epoch: float,
-    step_s: float,
-    n_steps: int,
-    low_lunar: ArrayLike,
-    *,
-    mu: float = MU,
+    table: BodyTable, epoch: float, step_s: float, n_steps: int, low_lunar: ArrayLike
 ) -> _InstantaneousFrameCR3BP:
     """Tabulate the frames of targets that are propagated by the instantaneous-frame CR3BP for
     `n_steps` steps of `step_s` seconds from `epoch` (TDB seconds past J2000); `low_lunar` (target,)
     is from `is_low_lunar`."""
     times = epoch + step_s * np.arange(n_steps + 1)
-    frames = [make(table, times, mu=mu) for make in (pulsating_frame, lunar_frame)]
+    frames = [pulsating_frame(table, times), lunar_frame(table, times)]
     outward = np.array([frame.matrix() / UNITS[:, None] for frame in frames])
     return _InstantaneousFrameCR3BP(
-        float(mu),
+        MU,
         float(step_s / TIME_UNIT_S),
         np.asarray(low_lunar).astype(np.int64),
         outward,
@@ -101,24 +94,22 @@ def instantaneous_frame_cr3bp(
     )
 
 
-def is_low_lunar(state: ArrayLike, *, mu: float = MU) -> NDArray[np.bool_]:
+def is_low_lunar(state: ArrayLike) -> NDArray[np.bool_]:
     """Whether states lie on ellipses about the Moon with an apolune below `LOW_LUNAR_KM`.
 
     Parameters
     ----------
     state : array_like, shape (..., 6)
         CR3BP states, nondimensional, rotating frame.
-    mu : float
-        Mass ratio.
 
     Returns
     -------
     ndarray of bool, shape (...)
     """
     s = np.asarray(state, dtype=float)
-    r = (s[..., :3] - [1.0 - mu, 0.0, 0.0]) * UNITS[0]
+    r = (s[..., :3] - [1.0 - MU, 0.0, 0.0]) * UNITS[0]
     # inertial velocity relative to the Moon
-    v = (s[..., 3:] + np.cross([0.0, 0.0, 1.0], s[..., :3] - [1.0 - mu, 0.0, 0.0])) * UNITS[3]
+    v = (s[..., 3:] + np.cross([0.0, 0.0, 1.0], s[..., :3] - [1.0 - MU, 0.0, 0.0])) * UNITS[3]
     distance = np.linalg.norm(r, axis=-1)
     energy = 0.5 * np.sum(v * v, axis=-1) - GM_MOON / distance
     momentum2 = np.sum(np.cross(r, v) ** 2, axis=-1)
@@ -129,7 +120,7 @@ def is_low_lunar(state: ArrayLike, *, mu: float = MU) -> NDArray[np.bool_]:
 
 
 def inertial_states(
-    state: ArrayLike, table: BodyTable, time: float, *, mu: float = MU
+    state: ArrayLike, table: BodyTable, time: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Transform CR3BP states to the barycentric frame, each with the suitable instantaneous frame.
 
@@ -141,8 +132,6 @@ def inertial_states(
         Positions of the bodies.
     time : float
         TDB seconds past J2000.
-    mu : float
-        Mass ratio.
 
     Returns
     -------
@@ -156,13 +145,11 @@ def inertial_states(
     ConfigurationError
         If the time lies outside of the table.
     """
-    low = is_low_lunar(state, mu=mu)
-    both = [_placed(state, make(table, time, mu=mu)) for make in (pulsating_frame, lunar_frame)]
-    return np.where(low[:, None], both[1], both[0]), low
-
-
-def _placed(state: ArrayLike, frame: Frame) -> Array:
-    return to_inertial(state, frame) / UNITS
+    low = is_low_lunar(state)
+    pulsating, lunar = (
+        to_inertial(state, make(table, time)) / UNITS for make in (pulsating_frame, lunar_frame)
+    )
+    return np.where(low[:, None], lunar, pulsating), low
 
 
 @implements(forces.of_state, _InstantaneousFrameCR3BP)

@@ -16,8 +16,7 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_targets
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 VELOCITY_UNIT_M_S = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
 """Nondimensional unit of velocity, m/s."""

@@ -9,14 +9,13 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import implements
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.ephemeris.bodies import GM_MOON, BodyTable, cubic, hermite, moon_axes
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 # GRGM900C (Lemoine et al. 2014, Geophys. Res. Lett. 41, 3382), in principal axes, denormalized.
 MOON_J2 = 9.0881248e-5 * sqrt(5.0)

@@ -7,7 +7,7 @@ barycentric frame, J2000 axes, for ephemeris dynamics (`cislunar.dynamics.epheme
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics.adaptive import lanes, runge_kutta
@@ -16,9 +16,7 @@ from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.quantities import nondimensional
-from cislunar.runtime.arguments import array_of, number_of, require_choice
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, array_of, number_of, require_choice
 
 METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853}
 _DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}

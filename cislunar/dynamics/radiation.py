@@ -9,14 +9,13 @@ disc is that of the conical shadow (Montenbruck & Gill 2000, "Satellite Orbits",
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import for_all_others, implements, njit, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 SUN_RADIUS_KM = 695_700.0
 """Nominal radius of the Sun (IAU 2015 resolution B3), km."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit
 from cislunar.constants import SECONDS_PER_DAY
@@ -35,8 +35,7 @@ from cislunar.ephemeris.kernel import (
 )
 from cislunar.ephemeris.time_scales import calendar_date
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 # Folkner, Williams & Boggs 2009, "The planetary and lunar ephemeris DE 421", IPN Progress Report
 # 42-178, km^3/s^2; TDB-compatible, unlike the WGS 84 value in `cislunar.constants`.

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.ephemeris.kernel import (
@@ -35,9 +35,7 @@ from cislunar.ephemeris.kernel import (
 from cislunar.ephemeris.time_scales import julian_date, tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError
 from cislunar.quantities import date_of, in_unit
-from cislunar.runtime.arguments import number_of, require_kind
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, number_of, require_kind
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,12 @@ import re
 from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
 from cislunar.quantities import date_of
-from cislunar.runtime.arguments import require_choice
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, require_choice
 
 J2000_JD = 2_451_545.0
 _TT_MINUS_TAI_S = 32.184

@@ -22,9 +22,8 @@ from cislunar.photometry.materials import (
     SLOPE,
     TABULATED,
 )
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import NotNegative, Section, setting
-
-Array = NDArray[np.float64]
 
 HOUR = 3600.0
 

@@ -16,8 +16,7 @@ from cislunar.observation.body_parameters import (
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.materials import NOTHING, TABULATED
 from cislunar.photometry.parameter_deviations import perturbed_body
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _Generators = Callable[[int, int], np.random.Generator]
 """Generator for a target and a group of deviations, by their numbers. Each pair has its own stream,

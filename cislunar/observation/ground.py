@@ -7,15 +7,14 @@ km. Simulations are not affected, since their estimators know the positions of t
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _EARTH = 399
 _POOL = {

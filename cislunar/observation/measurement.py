@@ -38,8 +38,7 @@ from cislunar.observation.sightline import (
 )
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 # Detection outcomes.
 NOT_TASKED, FAINT, EXCLUDED, OCCULTED, DETECTED = range(5)

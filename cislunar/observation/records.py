@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class Schedule(NamedTuple):
@@ -130,23 +129,6 @@ def arranged(
     order = np.lexsort((observer, step, target))
     offset = _offsets(target[order], step[order], n_targets, n_steps)
     return Measurements(offset, observer[order], value[order], variance[order]), order
-
-
-def constant_schedule(target: ArrayLike, n_targets: int, n_steps: int) -> Schedule:
-    """Schedule in which every observer observes its target at every step.
-
-    Parameters
-    ----------
-    target : array_like of int, shape (observer,)
-        Target of each observer; negative for an idle one.
-    n_targets, n_steps : int
-
-    Raises
-    ------
-    ConfigurationError
-        If a target is not below `n_targets`.
-    """
-    return pointed_schedule(np.tile(np.asarray(target, dtype=np.int64), (n_steps, 1)), n_targets)
 
 
 def pointed_schedule(target: ArrayLike, n_targets: int) -> Schedule:

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import attitude_matrix
@@ -28,9 +28,7 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.arguments import array_of, number_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, array_of, number_of
 
 _OBSERVER_RATE_DEG_H = (0.0, 0.0, 1.0)
 """Angular velocity of the observers, body frame, deg/h (Paul & Fan, table 3)."""
@@ -69,8 +67,6 @@ def make_scene(
     step_s: float,
     *,
     observer_rate_deg_h: ArrayLike = _OBSERVER_RATE_DEG_H,
-    time_unit_s: float = TIME_UNIT_S,
-    mu: float = MU,
     axes: ArrayLike | None = None,
     primaries: ArrayLike | None = None,
 ) -> Scene:
@@ -85,15 +81,12 @@ def make_scene(
     observer_rate_deg_h : array_like, shape (3,)
         Constant angular velocity of the observers, body frame, deg/h. At the start of the run the
         body frames are aligned with the inertial frame.
-    time_unit_s : float
-        Nondimensional unit of time, s.
-    mu : float
-        Mass ratio, which gives the positions of Earth and Moon in the CR3BP.
     axes : array_like, shape (3, 3), optional
         Constant rotation from the propagation frame to the inertial frame. If omitted, the
-        propagation frame rotates about z with the period ``2 pi time_unit_s``.
+        propagation frame rotates about z with the period ``2 pi TIME_UNIT_S``.
     primaries : array_like, shape (time, 2, 3), optional
-        Centers of Earth and Moon, if they move in the propagation frame.
+        Centers of Earth and Moon, if they move in the propagation frame; those of the CR3BP if
+        omitted.
 
     Returns
     -------
@@ -111,10 +104,7 @@ def make_scene(
         array_of("observer_position", observer_position, axes_of_tracks)
     )
     sun = np.ascontiguousarray(array_of("sun_position", sun_position, ("time", 3)))
-    step_s, time_unit_s = (
-        number_of(name, given, positive=True)
-        for name, given in (("step_s", step_s), ("time_unit_s", time_unit_s))
-    )
+    step_s = number_of("step_s", step_s, positive=True)
     if sun.shape != observers.shape[1:]:
         raise ConfigurationError(
             f"sun_position has shape {sun.shape}; give {observers.shape[1:]}, as the observers have"
@@ -122,7 +112,7 @@ def make_scene(
     require_nondimensional("observer_position", observers)
     elapsed_s = step_s * np.arange(sun.shape[0])
     if axes is None:
-        angle = elapsed_s / time_unit_s
+        angle = elapsed_s / TIME_UNIT_S
         to_inertial = np.zeros((angle.size, 3, 3))
         to_inertial[:, 0, 0] = to_inertial[:, 1, 1] = np.cos(angle)
         to_inertial[:, 1, 0] = np.sin(angle)
@@ -131,13 +121,13 @@ def make_scene(
     else:
         to_inertial = np.tile(array_of("axes", axes, (3, 3)), (elapsed_s.size, 1, 1))
     if primaries is None:
-        primaries = np.tile(primary_positions(number_of("mu", mu)), (elapsed_s.size, 1, 1))
+        primaries = np.tile(primary_positions(MU), (elapsed_s.size, 1, 1))
     primaries = array_of("primaries", primaries, (elapsed_s.size, 2, 3))
     rate = np.deg2rad(array_of("observer_rate_deg_h", observer_rate_deg_h, (3,))) / 3600.0
     to_body = attitude_matrix(_constant_rate_attitude([0.0, 0.0, 0.0, 1.0], rate, elapsed_s))
     return Scene(
         float(step_s),
-        float(step_s / time_unit_s),
+        float(step_s / TIME_UNIT_S),
         observers,
         sun,
         to_inertial,

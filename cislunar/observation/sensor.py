@@ -19,10 +19,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import copy_into, njit, njit_inline, njit_noalloc
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import (
     Angle,
     Flag,
@@ -33,8 +34,6 @@ from cislunar.runtime.settings_fields import (
     number,
     setting,
 )
-
-Array = NDArray[np.float64]
 
 ARCSECOND = np.pi / 648_000.0
 

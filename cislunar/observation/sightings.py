@@ -18,9 +18,7 @@ from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import BRIGHT, CLEAR, obstacle
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.quantities import in_unit, nondimensional
-from cislunar.runtime.arguments import array_of, number_of, require_kind
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, array_of, number_of, require_kind
 
 
 class Sightings(NamedTuple):

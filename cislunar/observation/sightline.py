@@ -15,14 +15,13 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sensor import sine_of_elevation
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
 MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM

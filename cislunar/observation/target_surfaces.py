@@ -21,9 +21,7 @@ from cislunar.photometry.reflection.tables import (
 )
 from cislunar.photometry.shadows.table import Shadows, joined_shadows
 from cislunar.photometry.shapes import Facets
-from cislunar.runtime.arguments import array_of, count_of, require_kind
-
-Array = NDArray[np.float64]
+from cislunar.runtime.arguments import Array, array_of, count_of, require_kind
 
 
 class TargetSurfaces(NamedTuple):

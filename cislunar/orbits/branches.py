@@ -70,15 +70,20 @@ def halo_seed(point: int, mu: float = MU) -> Seed:
 
 @lru_cache(maxsize=32)
 def halo_bifurcation(point: int, mu: float = MU) -> Point:
-    """Member of the Lyapunov family about point 1, 2 or 3 from which the halo orbits bifurcate. Of
-    the two out-of-plane elements of the half-period map, the shear d(vz)/dz vanishes where orbits
-    symmetric about the xz-plane (halos) bifurcate; dz/d(vz) belongs to the axial orbits."""
+    """Member of the Lyapunov family about point 1, 2 or 3 from which the halo orbits bifurcate."""
+    return lyapunov_bifurcation(point, (5, 2), mu)
+
+
+def lyapunov_bifurcation(point: int, entry: tuple[int, int], mu: float) -> Point:
+    """First member of the Lyapunov family about point 1, 2 or 3 at which an out-of-plane entry of
+    the half-period map vanishes: the shear d(vz)/dz, entry (5, 2), where orbits symmetric about the
+    xz-plane (halos) bifurcate; dz/d(vz), entry (2, 5), where axial orbits do."""
 
     def shear(member: Point) -> float:
-        return float(member.half.stm[5, 2])
+        return float(member.half.stm[entry])
 
     seed = lyapunov_seed(point, mu)
-    sign = np.sign(seed.half.stm[5, 2])
+    sign = np.sign(seed.half.stm[entry])
     branch = continue_branch(
         seed.half, seed.direction, lambda member: sign * shear(member) <= 0.0, mu=mu
     )

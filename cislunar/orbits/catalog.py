@@ -18,10 +18,10 @@ from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalog_seeds as seeds
 from cislunar.orbits.branches import Seed
-from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
+from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, join, locate
 from cislunar.orbits.corrector import Z
 from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, measure_of
-from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
+from cislunar.orbits.families import FAMILIES, SOUTH, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
 from cislunar.quantities import in_unit, nondimensional
 from cislunar.runtime import Array, count_of, number_of, number_or_range, require_kind
@@ -45,7 +45,6 @@ _OFF_RESONANCE = 0.1
 _DEFAULT_COUNT = 40
 
 
-_SOUTH = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
 _ACROSS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
 
 
@@ -85,7 +84,7 @@ def _catalog() -> dict[str, Family]:
             meaning + half,
             partial(branch_seed, root),
             (_ENDS[root],),
-            _SOUTH if half == ", southern" else None,
+            SOUTH if half == ", southern" else None,
         )
     for point in (1, 2, 3):
         found[f"Vertical_L{point}"] = Family(
@@ -260,7 +259,7 @@ def _between_ends(name: str, mu: float, progress: Callable[[int, int], None] | N
     if not name.startswith("Resonant"):
         return forward
     backward = _followed(family, Seed(seed.half, -seed.direction), mu, progress)
-    return [Point(member.half, -member.tangent) for member in backward[:0:-1]] + forward
+    return join(backward, forward)
 
 
 def _followed(
@@ -375,17 +374,7 @@ def periodic_orbits(
         members = select(branch, quantity, value, mu) if branch else []
     else:
         members = spread_members(branch, _DEFAULT_COUNT if count is None else count, mu)
-    done = 0
-
-    def advance() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, len(members))
-
-    found = orbit_set(family, members, mu=mu, progress=advance)
-    if entry.mirror is not None:
-        found = found._replace(state=found.state * entry.mirror + 0.0)
+    found = orbit_set(family, members, mu=mu, mirror=entry.mirror, progress=progress)
     kept = np.ones(len(members), dtype=bool)
     if clear:
         kept &= (found.perigee_km > EARTH_RADIUS_KM) & (found.perilune_km > MOON_RADIUS_KM)

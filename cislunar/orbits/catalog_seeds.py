@@ -13,7 +13,7 @@ import numpy as np
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import equations_of_motion, libration_points, variational_matrix
 from cislunar.errors import ConvergenceError
-from cislunar.orbits.branches import Seed, lyapunov_seed, opposite
+from cislunar.orbits.branches import Seed, lyapunov_bifurcation, opposite
 from cislunar.orbits.continuation import Point, continue_branch, locate
 from cislunar.orbits.corrector import AXIS, X, Z, at_x, correct, fix_coordinate, hyperplane
 
@@ -37,16 +37,7 @@ def vertical_seed(point: int, mu: float = MU) -> Seed:
 
 def axial_seed(point: int, mu: float = MU) -> Seed:
     """First axial orbit, which bifurcates where dz/dvz over half a Lyapunov orbit vanishes."""
-
-    def shear(member: Point) -> float:
-        return float(member.half.stm[2, 5])
-
-    seed = lyapunov_seed(point, mu)
-    sign = np.sign(seed.half.stm[2, 5])
-    branch = continue_branch(
-        seed.half, seed.direction, lambda member: sign * shear(member) <= 0.0, mu=mu
-    )
-    guess = locate(branch[-2:], shear, mu, limit=1)[0][1].half.crossing.copy()
+    guess = lyapunov_bifurcation(point, (2, 5), mu).half.crossing.copy()
     guess[Z] = _AXIAL_SPEED
     half = correct(guess, fix_coordinate(Z, _AXIAL_SPEED), mu, section=AXIS)
     return Seed(half, np.eye(4)[Z])

@@ -79,7 +79,7 @@ envelop the Moon and the Earth at spacings near 30,000 km (Paul & Fan, section 3
 
 
 def branch_seed(root: str, mu: float = MU) -> branches.Seed:
-    """Seed of a branch by its name ("Halo_L1", "DRO", "Resonant_3:1", ...)."""
+    """Seed of a branch by its name ("Halo_L1", "DRO", ...)."""
     if root.startswith("Lyap"):
         return branches.lyapunov_seed(int(root[-1]), mu)
     if root.startswith("Halo"):
@@ -88,8 +88,6 @@ def branch_seed(root: str, mu: float = MU) -> branches.Seed:
         "Butterfly": branches.butterfly_seed,
         "Dragonfly": branches.dragonfly_seed,
         "DRO": branches.retrograde_seed,
-        "Resonant_3:1": branches.resonant_seed,
-        "Resonant_3:1b": lambda mu: branches.resonant_seed(mu, moonward=False),
     }
     return single[root](mu)
 
@@ -108,13 +106,7 @@ def altitude_km(member: Point, mu: float = MU, above: float = 0.0) -> float:
 
 
 def measure_of(quantity: str, mu: float = MU) -> Measure:
-    """Function of a member by its name: "x", "z", "period", "jacobi", "stability_index", ...
-
-    Raises
-    ------
-    ConfigurationError
-        If the quantity is unknown.
-    """
+    """Function of a member by its name: "x", "z", "period", "jacobi", "stability_index", ..."""
     measures: dict[str, Measure] = {
         "x": lambda member: float(member.half.crossing[X]),
         "z": lambda member: float(member.half.crossing[Z]),

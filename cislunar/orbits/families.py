@@ -60,6 +60,9 @@ class OrbitSet(NamedTuple):
     """Least distance from the center of the Earth, km, shape (n,)."""
 
 
+SOUTH = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
+"""Factors on a state that mirror it at the plane of the primaries."""
+
 _SPACING_BY_ARC = ("Butterfly", "Halo_L1")
 _HERMITE_SAMPLES = 16
 
@@ -133,23 +136,23 @@ def orbit_set(
     members: Branch,
     *,
     mu: float = MU,
-    southern: bool = False,
-    progress: Callable[[], None] | None = None,
+    mirror: Array | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> OrbitSet:
-    """Table of corrected members with their stability and closest approaches; `southern` mirrors
-    them at the plane of the primaries. `progress` is called after each member."""
+    """Table of corrected members with their stability and closest approaches; their states are
+    multiplied by `mirror` (6,). `progress` is called with (members done, members)."""
     rows = []
-    for member in members:
+    for done, member in enumerate(members, start=1):
         state, period = member.half.state, member.half.period
         perigee, perilune = distances_km(member.half, mu)
         index = stability_index(state, period, mu)
         rows.append((period, float(jacobi_constant(state, mu)), index, perilune, perigee))
         if progress is not None:
-            progress()
+            progress(done, len(members))
     columns = np.array(rows).reshape(-1, 5).T
     states = np.array([member.half.state for member in members]).reshape(-1, 6)
-    if southern:
-        states = states * np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0]) + 0.0
+    if mirror is not None:
+        states = states * mirror + 0.0
     return OrbitSet(np.full(len(members), family), states, *columns)
 
 
@@ -205,7 +208,7 @@ def observer_library(
         raise ConfigurationError("members: name at least one orbit family")
     total, done = sum(counts.values()), 0
 
-    def advance() -> None:
+    def advance(*_: int) -> None:
         nonlocal done
         done += 1
         if progress is not None:
@@ -218,6 +221,6 @@ def observer_library(
         branch = family_branch(family, mu=mu, extent=keep_out)
         by_arc = root_of(family) in _SPACING_BY_ARC
         chosen = spaced_members(branch, int(counts[family]), by_arc=by_arc, mu=mu)
-        southern = family.endswith("_S")
-        sets.append(orbit_set(family, chosen, mu=mu, southern=southern, progress=advance))
+        mirror = SOUTH if family.endswith("_S") else None
+        sets.append(orbit_set(family, chosen, mu=mu, mirror=mirror, progress=advance))
     return concatenate(sets)

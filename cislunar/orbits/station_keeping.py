@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics import CR3BP, propagate_stm
+from cislunar.dynamics import CR3BP, VELOCITY_UNIT_M_S, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.stability import farthest_state
 from cislunar.runtime import Array
@@ -14,7 +14,6 @@ _STABLE = (
     1e-3  # modulus beyond 1 from which an eigenvalue is unstable: the unit pair splits by 1e-5
 )
 _YEAR_S = 365.25 * SECONDS_PER_DAY
-_METERS_PER_SECOND = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
 
 
 def unstable_modes(state: ArrayLike, period: float, mu: float = MU) -> tuple[Array, Array]:
@@ -98,7 +97,7 @@ def station_keeping_m_s(
     modes, growth = unstable_modes(state, period, mu)
     if growth.size == 0:
         return 0.0
-    sigma = np.repeat([position_km / LENGTH_UNIT_KM, velocity_m_s / _METERS_PER_SECOND], 3)
+    sigma = np.repeat([position_km / LENGTH_UNIT_KM, velocity_m_s / VELOCITY_UNIT_M_S], 3)
     cancel = np.linalg.pinv(modes[:, :, 3:])
     now = np.sum((cancel @ modes * sigma) ** 2, axis=(1, 2))
     step_s = period * TIME_UNIT_S / _PLACES
@@ -113,4 +112,4 @@ def station_keeping_m_s(
         left = cancel @ past[first : first + _PLACES] * sigma
         before = np.sum(left**2, axis=(1, 2))
         costs.append(np.mean(np.sqrt(before + now)) * _YEAR_S / (steps * step_s))
-    return float(np.min(costs)) * _METERS_PER_SECOND
+    return float(np.min(costs)) * VELOCITY_UNIT_M_S

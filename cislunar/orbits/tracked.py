@@ -19,6 +19,7 @@ from cislunar.orbits.continuation import Branch, Point, continue_branch, join
 from cislunar.orbits.corrector import X, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, distances_km, follow_branch, trim
 from cislunar.orbits.families import (
+    SOUTH,
     OrbitSet,
     concatenate,
     family_branch,
@@ -140,23 +141,23 @@ def tracked_targets(
     total = halos + parts + len(POLAR_ORBITS)
     done = 0
 
-    def advance(count: int = 1) -> None:
+    def advance(*_: int, count: int = 1) -> None:
         nonlocal done
         done += count
         if progress is not None:
             progress(done, total)
 
-    sets = [observer_library(HALO_COUNTS, KEEP_OUT, mu=mu, progress=lambda *_: advance())]
+    sets = [observer_library(HALO_COUNTS, KEEP_OUT, mu=mu, progress=advance)]
     near_rectilinear = family_branch("Halo_L2_S", mu=mu)
     for name, months in NRHO_RESONANCES.items():
         period = months * _SYNODIC_MONTH_DAYS * SECONDS_PER_DAY / TIME_UNIT_S
         members = select(near_rectilinear, "period", period, mu)
-        sets.append(orbit_set(name, members, mu=mu, southern=True, progress=advance))
+        sets.append(orbit_set(name, members, mu=mu, mirror=SOUTH, progress=advance))
     planar = {"DRO": lambda: _retrograde_members(mu)}
     for family in RESONANT_COUNTS:
         planar[family] = lambda family=family: _resonant_members(family, mu)
     for name, generate in planar.items():
         sets.append(orbit_set(name, generate(), mu=mu, progress=advance))
     sets.append(_polar_set(mu))
-    advance(len(POLAR_ORBITS))
+    advance(count=len(POLAR_ORBITS))
     return concatenate(sets)

@@ -27,16 +27,16 @@ _NUMERIC_COLUMNS = (
 )
 
 
-def highest_lunar_jacobi(mu: float = MU) -> float:
+def highest_lunar_jacobi() -> float:
     """Jacobi constant above which the zero-velocity surface around the Moon lies inside the Moon.
     It is the largest 2U on the Moon's surface, at the Earth-Moon axis (8.4 for the Earth and Moon).
     """
     radius = MOON_RADIUS_KM / LENGTH_UNIT_KM
-    ends = [[1.0 - mu - radius, 0.0, 0.0], [1.0 - mu + radius, 0.0, 0.0]]
-    return float(2.0 * pseudo_potential(ends, mu).max())
+    ends = [[1.0 - MU - radius, 0.0, 0.0], [1.0 - MU + radius, 0.0, 0.0]]
+    return float(2.0 * pseudo_potential(ends).max())
 
 
-def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
+def load_missions(path: str | Path) -> pd.DataFrame:
     """Read and check a table of missions.
 
     Parameters
@@ -44,8 +44,6 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
     path : str or Path
         Comma-separated table in UTF-8 with a header; the columns `mission` and `jacobi` are
         required.
-    mu : float
-        Mass ratio, for the possible range of Jacobi constants.
 
     Returns
     -------
@@ -61,7 +59,7 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
     """
     header, rows = named_rows(path, "mission", "mission", ("jacobi",), short=True)
     row_names(rows, "mission", "mission")
-    highest = highest_lunar_jacobi(mu)
+    highest = highest_lunar_jacobi()
     numeric = [name for name in _NUMERIC_COLUMNS if name in header]
     records = [
         row

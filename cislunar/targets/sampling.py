@@ -109,17 +109,17 @@ def equiangular_directions(step_deg: float) -> Array:
     return np.concatenate([-pole, np.stack(rings, axis=-1).reshape(-1, 3), pole])
 
 
-def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: float = MU) -> Array:
+def sample_region(jacobi: float, settings: SamplingSettings | None = None) -> Array:
     """Points (point, 3) within the zero-velocity surface of one Jacobi constant, nondimensional,
     rotating frame; center by center, direction by direction, outwards."""
     s = settings or SamplingSettings()
     directions = equiangular_directions(s.angular_step_deg)
     parts = []
     for name in s.centers:
-        center, inner = _center(name, mu)
+        center, inner = _center(name)
 
         def inside(position: Array, name: str = name) -> NDArray[np.bool_]:
-            return _inside(position, jacobi, name, s, mu)
+            return _inside(position, jacobi, name, s)
 
         farthest = s.outer_radius_km / LENGTH_UNIT_KM + float(np.linalg.norm(center))
         intervals = _intervals(center, directions, max(inner, 1e-3), farthest, inside)
@@ -139,7 +139,6 @@ def sample_zero_velocity(
     settings: SamplingSettings | None = None,
     *,
     names: Sequence[str] | None = None,
-    mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> _SampledPoints:
     """Points within the zero-velocity surface of each mission, one mission after the other.
@@ -152,8 +151,6 @@ def sample_zero_velocity(
         By default `SamplingSettings()`.
     names : sequence of str, optional
         Names of the missions, for messages.
-    mu : float
-        Mass ratio.
     progress : callable, optional
         Called with (missions done, missions).
 
@@ -166,7 +163,7 @@ def sample_zero_velocity(
     cache: dict[float, Array] = {}
     for index, jc in enumerate(constants.tolist()):
         if jc not in cache:
-            cache[jc] = sample_region(jc, settings, mu)
+            cache[jc] = sample_region(jc, settings)
         if not len(cache[jc]):
             who = names[index] if names is not None else f"mission {index}"
             raise ConfigurationError(
@@ -184,15 +181,15 @@ def sample_zero_velocity(
     )
 
 
-def _center(name: str, mu: float) -> tuple[Array, float]:
+def _center(name: str) -> tuple[Array, float]:
     """Position of a center and the radius of the body there, nondimensional."""
     if name == "moon":
-        return np.array([1.0 - mu, 0.0, 0.0]), MOON_RADIUS_KM / LENGTH_UNIT_KM
+        return np.array([1.0 - MU, 0.0, 0.0]), MOON_RADIUS_KM / LENGTH_UNIT_KM
     if name == "earth":
-        return np.array([-mu, 0.0, 0.0]), EARTH_RADIUS_KM / LENGTH_UNIT_KM
+        return np.array([-MU, 0.0, 0.0]), EARTH_RADIUS_KM / LENGTH_UNIT_KM
     if name == "barycenter":
         return np.zeros(3), 0.0
-    return libration_points(mu)[int(name[1]) - 1], 0.0
+    return libration_points()[int(name[1]) - 1], 0.0
 
 
 def _intervals(
@@ -246,13 +243,13 @@ def _divide(
 
 
 def _inside(
-    position: Array, jacobi: float, center: str, settings: SamplingSettings, mu: float
+    position: Array, jacobi: float, center: str, settings: SamplingSettings
 ) -> NDArray[np.bool_]:
     """Whether points may belong to a center's grid: in its region and the cap, not in a body."""
-    d, r = primary_distances(position, mu)
+    d, r = primary_distances(position)
     clear = (d >= EARTH_RADIUS_KM / LENGTH_UNIT_KM) & (r >= MOON_RADIUS_KM / LENGTH_UNIT_KM)
     capped = np.linalg.norm(position, axis=-1) <= settings.outer_radius_km / LENGTH_UNIT_KM
-    inside = clear & capped & reachable(position, jacobi, settings.region, mu)
+    inside = clear & capped & reachable(position, jacobi, settings.region)
     if center in ("moon", "earth"):
-        inside &= reachable(position, jacobi, center, mu)
+        inside &= reachable(position, jacobi, center)
     return inside

@@ -18,7 +18,7 @@ Membership
     exterior).
 """
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,38 +38,36 @@ REGIONS = ("moon", "earth", "bodies", "all")
 _OUTSIDE, EARTH, MOON = 0, 1, 2
 
 
-def component(position: ArrayLike, mu: float = MU) -> NDArray[np.int8]:
+def component(position: ArrayLike) -> NDArray[np.int8]:
     """Component of the accessible region (`EARTH`, `MOON` or `_OUTSIDE`) to which points (..., 3)
     are connected while the gateways are closed; meaningful only where 2U >= JC. See "Membership"
     in the docstring of the module."""
     p = np.asarray(position, dtype=float)
-    d, r = primary_distances(p, mu)
-    pull = (1.0 - mu) / d**3 + mu / r**3
-    l1, l2, l3 = _collinear_points(mu)
+    d, r = primary_distances(p)
+    pull = (1.0 - MU) / d**3 + MU / r**3
+    l1, l2, l3 = _collinear_points()
     x = p[..., 0]
     label = np.where(x < l1, EARTH, MOON)
     return np.where((pull < 1.0) | (x > l2) | (x < l3), _OUTSIDE, label).astype(np.int8)
 
 
-def reachable(
-    position: ArrayLike, jacobi: ArrayLike, region: str = "moon", mu: float = MU
-) -> NDArray[np.bool_]:
+def reachable(position: ArrayLike, jacobi: ArrayLike, region: str = "moon") -> NDArray[np.bool_]:
     """Whether points (..., 3), nondimensional, rotating frame, belong to the region of a Jacobi
     constant: ``"moon"`` or ``"earth"``, the component of 2U >= JC that contains that body;
     ``"bodies"``, those that contain either; ``"all"``, the whole of 2U >= JC."""
     require_choice("region", region, REGIONS)
     jc = np.asarray(jacobi, dtype=float)
-    allowed = zero_velocity_function(position, jc, mu) >= 0.0
+    allowed = zero_velocity_function(position, jc) >= 0.0
     if region == "all":
         return allowed
-    l1, l2, _ = _collinear_points(mu)
-    gate1, gate2 = 2.0 * pseudo_potential([[l1, 0.0, 0.0], [l2, 0.0, 0.0]], mu)
+    l1, l2, _ = _collinear_points()
+    gate1, gate2 = 2.0 * pseudo_potential([[l1, 0.0, 0.0], [l2, 0.0, 0.0]])
     merged = jc <= gate1
     # The exterior is entered through L2; when L3 opens, all components have merged.
     with_outside = jc <= gate2
     with_moon = (region != "earth") | merged
     with_earth = (region != "moon") | merged
-    label = component(position, mu)
+    label = component(position)
     return allowed & (
         ((label == MOON) & with_moon)
         | ((label == EARTH) & with_earth)
@@ -77,8 +75,8 @@ def reachable(
     )
 
 
-@lru_cache
-def _collinear_points(mu: float) -> tuple[float, float, float]:
+@cache
+def _collinear_points() -> tuple[float, float, float]:
     """Abscissas of L1, L2 and L3, cached because bisections need them repeatedly."""
-    l1, l2, l3 = libration_points(mu)[:3, 0].tolist()
+    l1, l2, l3 = libration_points()[:3, 0].tolist()
     return l1, l2, l3

@@ -18,6 +18,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "recording": ["Piece", "collect", "fill"],
     "settings": ["LoopSettings", "RECORDABLE"],
     "state": ["SimulationInputs"],
-    "truth": ["TrueMotion", "TruthModel", "draw_truth"],
+    "truth": ["TrueMotion", "TruthModel"],
 })
 # fmt: on

@@ -2,7 +2,6 @@
 observation here is a step at which a target has an observer; of several observers the best outcome
 counts."""
 
-import logging
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -10,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.observation import NOT_TASKED, Sensor
+from cislunar.runtime import logger
 from cislunar.tasking.realization import OUTCOME_NAMES
 from cislunar.tasking.state import SimulationInputs
-
-logger = logging.getLogger("cislunar")
 
 OBSERVATION_OUTCOMES = {
     f"{name}_share": number for number, name in enumerate(OUTCOME_NAMES) if number

@@ -25,9 +25,8 @@ from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, exp
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
-from cislunar.observation import DETECTED, METERS, NOT_TASKED, Measurements, arranged
+from cislunar.observation import DETECTED, NOT_TASKED, Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
-from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
@@ -216,14 +215,10 @@ def _telescopes(inputs: SimulationInputs) -> _Telescopes:
     settings = inputs.settings
     model, tasking = settings.association, settings.tasking
     limits = sensor_limits(settings.sensor, inputs.scene.observer_position.shape[0])
-    faintest, faintness = np.empty((limits.half_field.size, 3)), np.empty(limits.half_field.size)
+    faintest = np.empty((limits.half_field.size, 3))
     for o, limit in enumerate(limits.limiting_magnitude):
         noise_variance_at(limits_of(limits, o), limit, faintest[o])
-        faintness[o] = METERS**2 * faintness_per_squared_range(
-            limit,
-            radius_m=tasking.radius_m,
-            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
-        )
+    faintness = np.array([tasking.faintness(limit) for limit in limits.limiting_magnitude])
     gates = model.magnitude_sigma, model.gate_probability
     return _Telescopes(limits, faintest, Expectation(model, model.unknown_deg2, *gates, faintness))
 

@@ -7,8 +7,7 @@ truth and the measurement errors of their common targets, whatever else differs 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.constants import MU
-from cislunar.dynamics import CR3BP, propagate
+from cislunar.dynamics import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.runtime import Array
@@ -50,7 +49,7 @@ def monitored_targets(n_available: int, n_targets: int, seed: int) -> NDArray[np
     return stream(_SELECTION, seed).permutation(n_available)[:n_targets]
 
 
-def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU) -> Array:
+def epoch_states(state: ArrayLike, period: ArrayLike, seed: int) -> Array:
     """Mean states of targets at the epoch: a random fraction of the period past y = 0.
 
     Parameters
@@ -61,8 +60,6 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU)
         Periods, nondimensional.
     seed : int
         Seed of the fractions, one for each target.
-    mu : float
-        Mass ratio.
 
     Returns
     -------
@@ -81,7 +78,7 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU)
     times = fractions * periods
     return np.array(
         [
-            propagate(one, [time], forces=CR3BP(mu), method="dop853")[0]
+            propagate(one, [time], method="dop853")[0]
             for one, time in zip(states, times, strict=True)
         ]
     )

@@ -1,6 +1,6 @@
 """Truth of the targets: bodies and motion, and the errors of the estimates."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,7 @@ from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime.arguments import require_kind
+from cislunar.runtime.arguments import Array, require_kind
 from cislunar.targets.maneuver_model import DrawnManeuvers
 from cislunar.targets.maneuvers import (
     NO_MANEUVERS,
@@ -45,8 +45,6 @@ from cislunar.tasking.initial_conditions import (
     TORQUE,
     stream,
 )
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-13  # of integrated attitudes
 
@@ -349,20 +347,6 @@ def _sun_pressure(
         surfaces.first, surfaces.areas, surfaces.normals, diffuse, specular, np.array(center),
         inverse,
     )  # fmt: skip
-
-
-def draw_truth(
-    initial: InitialEstimate,
-    scene: Scene,
-    noise: ArrayLike,
-    seed: int,
-    target_ids: ArrayLike,
-    **model: Any,
-) -> Truth:
-    """Sample the true states from the initial distribution and propagate them to all times of the
-    scene; see `TrueMotion` for the arguments and errors."""
-    motion = TrueMotion(initial, scene, noise, seed, target_ids, **model)
-    return motion.advance(scene.sun_position.shape[0] - 1)
 
 
 @njit_noalloc

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.compiled import njit
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.observation.sightline import outside_exclusion, sphere_brighter, sunlit_share
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _TARGETS_AT_ONCE = 256
 

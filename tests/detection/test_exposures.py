@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from astropy.wcs import WCS
+from measured import constant_schedule
 from scipy.stats import chi2, expon, kstest, norm, uniform
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
@@ -23,7 +24,6 @@ from cislunar.observation.measurement import (
     OCCULTED,
     measure,
 )
-from cislunar.observation.records import constant_schedule
 from cislunar.observation.scene import make_scene
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import target_surfaces

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured import draw_truth
 from scipy.optimize import minimize
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
@@ -16,7 +17,6 @@ from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 

@@ -5,7 +5,7 @@ The prior is so narrow that every measurement is linear over it; records differ 
 
 import numpy as np
 import pytest
-from measured import during
+from measured import constant_schedule, draw_truth, during
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse
@@ -19,12 +19,10 @@ from cislunar.estimation.light_curves.row_blocks import WEIGHT
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.observation.measurement import measure
 from cislunar.observation.measurement_derivatives import measurement_rows
-from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import IDLE
-from cislunar.tasking.truth import draw_truth
 
 NARROW = np.repeat([2e-4, 2e-4, 1e-3, 1e-3], 3)
 """Prior standard deviations in units of the usual ones."""

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import during, observed_by
+from measured import draw_truth, during, observed_by
 
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.initial_sigma import ProcessNoise
@@ -12,7 +12,6 @@ from cislunar.observation.sensor import Sensor
 from cislunar.orbits.tracked import POLAR_ORBITS, polar_state
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
 
 GAP, STRIDE = 300, 4
 """Steps of 60 s without a measurement, most of a lunar revolution; steps of a particle."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from measured import SENSOR, during
+from measured import SENSOR, draw_truth, during
 from oracles.reference_filter import ReferenceFilter
 
 from cislunar.attitude import grp
@@ -25,7 +25,6 @@ from cislunar.photometry.materials import PRINTED, Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
 
 ALL = np.arange(4)
 SMALL = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bound_problem import BRIGHT, UNEVEN, Problem, used_by
-from measured import evaluate
+from measured import draw_truth, evaluate
 
 from cislunar.attitude.rigid_body import (
     spherical_transition,
@@ -14,7 +14,7 @@ from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import TruthModel, draw_truth
+from cislunar.tasking.truth import TruthModel
 
 
 @pytest.fixture(scope="module")

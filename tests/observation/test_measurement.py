@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import observed_by
+from measured import constant_schedule, draw_truth, observed_by
 from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
@@ -15,7 +15,7 @@ from cislunar.observation.measurement import (
     OCCULTED,
     measure,
 )
-from cislunar.observation.records import constant_schedule, highest
+from cislunar.observation.records import highest
 from cislunar.observation.scene import make_scene
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import (
@@ -31,7 +31,6 @@ from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron, icosphere
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
 
 
 @pytest.fixture(scope="module")

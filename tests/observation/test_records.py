@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from measured import during, observed_by
+from measured import constant_schedule, draw_truth, during, observed_by
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, measure
-from cislunar.observation.records import constant_schedule, highest, rows_of, schedule
+from cislunar.observation.records import highest, rows_of, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=30.0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from measured import observed_by
+from measured import draw_truth, observed_by
 from scipy.stats import norm
 
 from cislunar.constants import MU
@@ -37,7 +37,6 @@ from cislunar.tasking.planning.information import (
     information_bound,
     pair_information,
 )
-from cislunar.tasking.truth import draw_truth
 
 KEEN = Sensor(
     limiting_magnitude=35.0, exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0), occultation=False

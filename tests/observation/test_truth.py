@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured import draw_truth
 from oracles.rigid_rotation import propagate_rotation
 
 from cislunar.dynamics.bundle import propagate_bundle
@@ -18,7 +19,7 @@ from cislunar.photometry.spacecraft import box_with_wings
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import TrueMotion, TruthModel, draw_truth
+from cislunar.tasking.truth import TrueMotion, TruthModel
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 INERTIA = np.diag([1.0, 1.3, 1.6])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from measured import observed_by
+from measured import draw_truth, observed_by
 
 from cislunar.estimation.light_curves.batch import BatchEstimator
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -17,7 +17,7 @@ from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.truth import TruthModel, draw_truth
+from cislunar.tasking.truth import TruthModel
 
 SENSOR = Sensor(limiting_magnitude=24.0)
 SHAPES = ["box-with-wings", "icosahedron", "upper-stage", "box-with-wings", "icosahedron"]

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import evaluate
+from measured import draw_truth, evaluate
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import CHOLESKY_FAILURES, UPDATES
@@ -23,7 +23,6 @@ from cislunar.tasking.initial_conditions import (
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 

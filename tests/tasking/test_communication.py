@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from measured import draw_truth
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
@@ -22,7 +23,6 @@ from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.planning.pending import PlannedObservations, expected_update
-from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 SPAN, SPANS = 30, 5

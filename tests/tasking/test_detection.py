@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from measured import draw_truth
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -20,7 +21,7 @@ from cislunar.tasking.planning.brightness import facet_margins, sphere_magnitude
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
-from cislunar.tasking.truth import TruthModel, draw_truth
+from cislunar.tasking.truth import TruthModel
 
 MODEL = DetectionModel(
     brightness="sphere", prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0

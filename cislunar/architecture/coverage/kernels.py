@@ -1,4 +1,4 @@
-"""Operations on sets stored as bits: counting, gains, lazy greedy, weighted sums (compiled)."""
+"""Operations on sets stored as bits: gains, lazy greedy, weighted sums (compiled)."""
 
 import numpy as np
 
@@ -19,15 +19,6 @@ def _ones(x):
     x = (x & _M2) + ((x >> np.uint64(2)) & _M2)
     x = (x + (x >> np.uint64(4))) & _M4
     return np.int64((x * _H1) >> np.uint64(56))
-
-
-@njit(cache=True)
-def count_ones(word):
-    """Number of set bits of an array of words (word,)."""
-    total = 0
-    for w in range(word.size):
-        total += _ones(word[w])
-    return total
 
 
 @njit(cache=True)
@@ -157,29 +148,4 @@ def times_seen(layers, candidate, n_bits):
                     lowest = rest & (~rest + np.uint64(1))
                     found[64 * w + _ones(lowest - np.uint64(1))] += 1
                     rest ^= lowest
-    return found
-
-
-@njit(cache=True)
-def blend(mean, share, downhill):
-    """Weighted mean of directions (element,) in place, with weight ``share`` of the old one."""
-    for e in range(mean.size):
-        mean[e] = share * mean[e] + (1.0 - share) * downhill[e]
-
-
-@njit(cache=True)
-def inside(direction, multiplier, out):
-    """A direction without components that leave the box 0 .. 1 of the multipliers, into `out`."""
-    for e in range(out.size):
-        d, m = direction[e], multiplier[e]
-        outward = m >= 1.0 if d > 0.0 else m <= 0.0
-        out[e] = 0.0 if outward else d
-
-
-@njit(cache=True)
-def moved(multiplier, length, direction):
-    """Multipliers moved along a direction and clipped to the box 0 .. 1."""
-    found = np.empty(multiplier.size)
-    for e in range(found.size):
-        found[e] = min(max(multiplier[e] + length * direction[e], 0.0), 1.0)
     return found

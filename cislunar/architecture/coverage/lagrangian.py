@@ -19,15 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.architecture.certified import Bound
-from cislunar.architecture.coverage.kernels import (
-    add_layers,
-    blend,
-    count_ones,
-    inside,
-    moved,
-    times_seen,
-    weighted_sums,
-)
+from cislunar.architecture.coverage.kernels import add_layers, times_seen, weighted_sums
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.optimality.knapsack import NO_CHOICE, best_choice, conditional_bests
 
@@ -83,7 +75,13 @@ def _seen_by_all(objective: CoverageObjective) -> int:
     at_least = np.zeros((objective.tables.fold, objective.candidates.shape[-1]), dtype=np.uint64)
     for layer in objective.candidates:
         add_layers(at_least, layer)
-    return count_ones(at_least.ravel())
+    return int(np.bitwise_count(at_least).sum())
+
+
+def _inside(direction: NDArray, multiplier: NDArray) -> NDArray[np.float64]:
+    """A direction without components that leave the box 0 .. 1 of the multipliers."""
+    outward = np.where(direction > 0.0, multiplier >= 1.0, multiplier <= 0.0)
+    return np.where(outward, 0.0, direction)
 
 
 def coverage_bound(
@@ -99,7 +97,7 @@ def coverage_bound(
     multiplier = np.where(relaxation.times_seen(orbit, satellites) <= fold, 1.0, 0.0)
     ceiling = _seen_by_all(objective)
     lowest, best, choices, mean = np.inf, multiplier, [], None
-    length, stalled, step, direction = 1.0, 0, 0, np.empty(multiplier.size)
+    length, stalled, step = 1.0, 0, 0
     for step in range(1, steps + 1):
         score, *choice = relaxation.best(multiplier)
         if score <= 0.5 * NO_CHOICE:  # no better architecture remains
@@ -118,18 +116,16 @@ def coverage_bound(
         if stalled >= _PATIENCE:
             length, stalled, multiplier = length * _SHORTEN, 0, best
         downhill = fold - relaxation.times_seen(*choice)
-        if mean is None:
-            mean = downhill.astype(float)
-        else:
-            blend(mean, _MEMORY, downhill)
-        inside(mean, multiplier, direction)
+        mean = downhill if mean is None else _MEMORY * mean + (1.0 - _MEMORY) * downhill
+        direction = _inside(mean, multiplier)
         if not direction.any():
-            mean[:] = downhill
-            inside(mean, multiplier, direction)
+            mean = downhill
+            direction = _inside(mean, multiplier)
         square = np.sum(direction**2)
         if square == 0.0:  # zero subgradient: L is at its minimum
             break
-        multiplier = moved(multiplier, length * (bound - known) / square, direction)
+        change = length * (bound - known) / square * direction
+        multiplier = np.clip(multiplier + change, 0.0, 1.0)
     return Bound(
         bound=max(known, min(ceiling, int(np.floor(lowest)))) / objective.scale,
         steps=step,

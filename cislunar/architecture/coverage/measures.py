@@ -53,7 +53,6 @@ def coverage(
     settings: VisibilitySettings,
     *,
     length: ArrayLike = 1.0,
-    mu: float = MU,
 ) -> Coverage:
     """Coverage of a static target set by a set of satellites.
 
@@ -71,16 +70,14 @@ def coverage(
         Photometry and exclusion.
     length : array_like, shape (time,) or ()
         Unit of length of the frame in units of l*.
-    mu : float
-        Mass ratio.
     """
     times = np.asarray(times, dtype=float)
     positions = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
     faintness = settings.faintness_at(len(times), length)
-    given = *positions, settings.exclusion_deg.cosines, faintness, mu
+    given = *positions, settings.exclusion_deg.cosines, faintness, MU
     observers = count_observers(*given)
     if settings.eclipse:
-        shade = shade_of(given[1], given[2], mu, length)
+        shade = shade_of(given[1], given[2], MU, length)
         lost = lost_observations(*given, shade).sum(axis=0, dtype=observers.dtype)
         np.subtract.at(observers, (shade.time, shade.target), lost)
     seen = observers > 0

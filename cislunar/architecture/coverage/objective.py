@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.architecture.coverage.kernels import add_layers, count_ones, gains, shared_ones
+from cislunar.architecture.coverage.kernels import add_layers, gains, shared_ones
 from cislunar.architecture.coverage.tables import CoverageTables
 from cislunar.architecture.objective import IMPROVES, Objective, Replacement
 from cislunar.errors import ConfigurationError
@@ -102,7 +102,7 @@ class CoverageObjective(Objective):
         orbit, satellites = self.checked(orbit, satellites)
         if np.unique(orbit).size < orbit.size:
             return 0.0
-        return count_ones(self._at_least(orbit, satellites).ravel()) / self.scale
+        return int(np.bitwise_count(self._at_least(orbit, satellites)).sum()) / self.scale
 
     def seen(self, orbit: ArrayLike, satellites: ArrayLike, times: int = 1) -> NDArray[np.bool_]:
         """Elements that at least `times` (1 .. fold) satellites see, (time or day, target)."""
@@ -131,7 +131,7 @@ class CoverageObjective(Objective):
         else:
             gain = gains(covered, self.candidates, candidate, self.reachable)
         largest = int(np.argmax(gain))
-        value = (count_ones(covered.ravel()) + int(gain[largest])) / self.scale
+        value = (int(np.bitwise_count(covered).sum()) + int(gain[largest])) / self.scale
         if value <= best * IMPROVES:
             return Replacement(-1, 0, best, gain.size)
         i, n = divmod(int(candidate[largest]), self.max_satellites)

@@ -21,7 +21,7 @@ from cislunar.architecture.information.observation_kernels import (
 from cislunar.architecture.orbit_slots import OrbitSlots
 from cislunar.attitude import normalize, propagate_spherical, spherical_transition
 from cislunar.constants import MU, TIME_UNIT_S
-from cislunar.dynamics import CR3BP, advance_orbits, primary_positions, propagate_stm
+from cislunar.dynamics import advance_orbits, primary_positions, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.observation import METERS, Sensor, TargetSurfaces
@@ -66,14 +66,14 @@ class ObservationSettings:
         if not (self.per_hour > 0.0 and np.isfinite(self.per_hour)):
             raise ConfigurationError(f"per_hour = {self.per_hour} must be positive and finite")
 
-    def view(self, mu: float) -> tuple:
+    def view(self) -> tuple:
         """Limits, faintness and positions of Earth and Moon, for the compiled kernels."""
         faintness = faintness_per_squared_range(
             self.sensor.limiting_magnitude,
             radius_m=self.radius_m,
             diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
         )
-        return self.sensor.limits(), faintness * METERS**2, primary_positions(float(mu))
+        return self.sensor.limits(), faintness * METERS**2, primary_positions(MU)
 
 
 class Windows(NamedTuple):
@@ -156,9 +156,7 @@ class MovingTargets(NamedTuple):
     motion: Array
 
 
-def moving_targets(
-    state: ArrayLike, period: ArrayLike, windows: Windows, mu: float = MU
-) -> MovingTargets:
+def moving_targets(state: ArrayLike, period: ArrayLike, windows: Windows) -> MovingTargets:
     """Propagate targets through every window.
 
     Parameters
@@ -169,8 +167,6 @@ def moving_targets(
         Nondimensional; 0 for a target on an open trajectory.
     windows : Windows
         Windows and sample times.
-    mu : float
-        Mass ratio.
 
     Raises
     ------
@@ -182,8 +178,8 @@ def moving_targets(
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))
     for w, (start, times) in enumerate(zip(windows.start, windows.times, strict=True)):
-        for j, at_start in enumerate(advance_orbits(states, period, float(start), mu)):
-            later, matrix = propagate_stm(at_start, times - start, forces=CR3BP(mu))
+        for j, at_start in enumerate(advance_orbits(states, period, float(start))):
+            later, matrix = propagate_stm(at_start, times - start)
             position[w, :, j], motion[w, :, j] = later[:, :3], matrix[:, :3]
     return MovingTargets(position, motion)
 
@@ -196,7 +192,6 @@ def _tables(
     nuisance: int,
     add: Callable[[int, Array, Array], None],
     propagator: str,
-    mu: float,
     progress: Callable[[int, int], None] | None,
 ) -> InformationTables:
     """Tables of all orbit slots; `add` takes window, track and matrices (target, attitude, 21)."""
@@ -206,7 +201,7 @@ def _tables(
         own = np.flatnonzero(slots.orbit == orbit)
         tracks = satellite_tracks(
             orbits.state[[orbit]], orbits.period[[orbit]], slots.phase[own], windows.times.ravel(),
-            propagator=propagator, mu=mu,
+            propagator=propagator,
         )[0].reshape(own.size, *windows.times.shape, 3)  # fmt: skip
         for slot, track in zip(own, tracks, strict=True):
             for w in range(shape[0]):
@@ -227,7 +222,6 @@ def orbit_information(
     *,
     squared_ranges: ArrayLike | None = None,
     propagator: str = "dopri5",
-    mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> InformationTables:
     """Tabulate the information of directions about position and velocity of moving targets.
@@ -255,8 +249,6 @@ def orbit_information(
         sphere of `observations` is bright enough, as in tasking.
     propagator : str
         Method for the observers, see `cislunar.visibility.tracks.satellite_tracks`.
-    mu : float
-        Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
 
@@ -265,7 +257,7 @@ def orbit_information(
     ConfigurationError
         If the propagator is unknown.
     """
-    view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = observations.view(), np.ascontiguousarray(sun_position, dtype=float)
     motion = np.ascontiguousarray(targets.motion * observations.initial.components()[6:])
     weight = observations.per_hour * windows.step_hours / view[0].noise_variance[1]
     known = np.empty((0, 1, 1)) if squared_ranges is None else squared_ranges
@@ -276,7 +268,7 @@ def orbit_information(
         add_directions(track, *own, view, bright, weight, out[:, 0])
 
     shape = (len(windows.start), targets.position.shape[2], 1)
-    return _tables(orbits, slots, windows, shape, 0, add, propagator, mu, progress)
+    return _tables(orbits, slots, windows, shape, 0, add, propagator, progress)
 
 
 def attitude_information(
@@ -292,7 +284,6 @@ def attitude_information(
     *,
     attitudes: int = 1,
     propagator: str = "dopri5",
-    mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> InformationTables:
     """Tabulate the information of light curves about the attitude of moving targets.
@@ -303,7 +294,7 @@ def attitude_information(
 
     Parameters
     ----------
-    orbits, slots, targets, windows, sun_position, observations, propagator, mu, progress
+    orbits, slots, targets, windows, sun_position, observations, propagator, progress
         See `orbit_information`. All observations of a step have the brightness and slope of its
         middle.
     surfaces : TargetSurfaces
@@ -322,7 +313,7 @@ def attitude_information(
     """
     if attitudes < 1:
         raise ConfigurationError(f"attitudes = {attitudes} must be at least 1")
-    view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = observations.view(), np.ascontiguousarray(sun_position, dtype=float)
     position = targets.position
     shape = (len(windows.start), position.shape[2], attitudes)
     quaternion = normalize(rng.standard_normal((*shape, 4)))
@@ -333,7 +324,7 @@ def attitude_information(
         own = position[window], sun[window], view, tuple(each[window] for each in turning)
         add_magnitudes(track, *own, surfaces, view[0].limiting_magnitude, weight, out)
 
-    return _tables(orbits, slots, windows, shape, 3, add, propagator, mu, progress)
+    return _tables(orbits, slots, windows, shape, 3, add, propagator, progress)
 
 
 def _turning(

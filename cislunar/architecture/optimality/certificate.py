@@ -43,7 +43,6 @@ class _CostCertificate:
     value: float
     bound: float
     gap: float
-    epsilon: float
     near_orbit: NDArray[np.int64]
     near_satellites: NDArray[np.int64]
     near_value: NDArray[np.float64]
@@ -139,7 +138,6 @@ def certify(
         value=value,
         bound=bound,
         gap=bound / value - 1.0 if value > 0.0 else (0.0 if bound <= value else np.inf),
-        epsilon=epsilon,
         near_orbit=best.orbit[near],
         near_satellites=best.satellites[near],
         near_value=best.value[near],

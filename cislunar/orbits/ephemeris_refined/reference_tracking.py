@@ -6,7 +6,7 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_simpson
 
 from cislunar.compiled import njit
@@ -18,8 +18,7 @@ from cislunar.dynamics.frames import lunar_frame, pulsating_frame, to_inertial
 from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.ephemeris.bodies import BodyTable
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 CLOCK_STEP_S = 600.0
 """Interval between evaluations of the clock rate of the frame, s."""

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
@@ -42,8 +42,7 @@ from cislunar.orbits.ephemeris_refined.reference_tracking import (
     flow,
     reference_states,
 )
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _POSITION_KM, _VELOCITY_KM_S = 1e-6, 1e-9
 """Largest mismatch of an arc: 1 mm and 1 μm/s, so that it is within 1 m and 1 mm/s for another

@@ -41,9 +41,9 @@ from cislunar.photometry.facet_blocks import (
     VIEW,
 )
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+from cislunar.runtime import Array
 from cislunar.tasking.planning.information import TaskingModel
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _SAMPLE_S = 900.0

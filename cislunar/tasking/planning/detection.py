@@ -17,9 +17,8 @@ from scipy.special import logsumexp, ndtr
 
 from cislunar.compiled import njit_noalloc
 from cislunar.observation.measurement import DETECTED, FAINT
+from cislunar.runtime import Array
 from cislunar.tasking.planning.detection_model import DetectionModel
-
-Array = NDArray[np.float64]
 
 _GRID_STEPS_PER_PRIOR = 2
 _GRID_PRIORS = 5

@@ -34,11 +34,9 @@ from cislunar.observation.sightline import METERS, in_clear_view, sphere_brighte
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import Array, require_choice
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information_bound import bound_all
-
-Array = NDArray[np.float64]
 
 STATES = ("translation", "full")
 
@@ -85,8 +83,13 @@ class TaskingModel:
         require_choice("states", self.states, STATES)
         if self.measurements < 1:
             raise ConfigurationError(f"measurements = {self.measurements} must be at least 1")
-        faintness_per_squared_range(
-            18.0,
+        self.faintness(18.0)
+
+    def faintness(self, limiting_magnitude: float) -> float:
+        """`cislunar.photometry.sphere.faintness_per_squared_range` of the sphere, per squared unit
+        of length."""
+        return METERS**2 * faintness_per_squared_range(
+            limiting_magnitude,
             radius_m=self.radius_m,
             diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
         )
@@ -113,17 +116,9 @@ class _TaskingConstants(NamedTuple):
 def tasking_constants(model: TaskingModel, sensor: Sensors, n_observers: int) -> _TaskingConstants:
     """Constants of sensors and model for the kernels of tasking."""
     limits = sensor_limits(sensor, n_observers)
-    faintness = [
-        faintness_per_squared_range(
-            float(limit),
-            radius_m=model.radius_m,
-            diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
-        )
-        for limit in limits.limiting_magnitude
-    ]
     return _TaskingConstants(
         limits,
-        np.array(faintness) * METERS**2,
+        np.array([model.faintness(float(limit)) for limit in limits.limiting_magnitude]),
         float(model.measurements),
         model.detection is None,
         model.pointing_uncertainty_gate,

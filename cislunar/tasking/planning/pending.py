@@ -45,10 +45,8 @@ class PlannedObservations(NamedTuple):
 def _add_information(now, observations, points, scene, constants, forces, matrix):
     """Add the observations to the information matrices (target, 6, 6), latest first for each
     target. The sigma points (target, 6, 13) at time `now` are propagated backward."""
-    slopes, stage = (
-        np.empty((STAGES8, TRANSLATION_SIZE, points.shape[2])),
-        np.empty(points.shape[1:]),
-    )
+    slopes = np.empty((STAGES8, TRANSLATION_SIZE, points.shape[2]))
+    stage = np.empty(points.shape[1:])
     factor, scratch = np.empty((TRANSLATION_SIZE, 2)), observation_scratch()
     at = np.full(points.shape[0], now)
     for observation in range(observations.index.size):
@@ -117,10 +115,8 @@ def expected_update(
     order = np.lexsort((observations.observer, -observations.index))
     in_order = PlannedObservations(*(column[order] for column in observations))
     covariance = np.array(prediction.covariance)
-    n_targets, constants = (
-        covariance.shape[0],
-        tasking_constants(model, sensor, scene.observer_position.shape[0]),
-    )
+    n_targets = covariance.shape[0]
+    constants = tasking_constants(model, sensor, scene.observer_position.shape[0])
     points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
     dispersed_points(mean, covariance, constants.six.spread, points)

@@ -17,6 +17,7 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.tasking.planning.assignment import (
     IDLE,
     INFORMATION_DECIMALS,
@@ -25,7 +26,6 @@ from cislunar.tasking.planning.assignment import (
 )
 from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
 
-Array = NDArray[np.float64]
 Pairs = NDArray[np.bool_]
 
 _MARGIN = 1e-7

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from cislunar.compiled import njit, njit_noalloc
 from cislunar.estimation.dispersed_orbits import TRANSLATION_SIZE
 from cislunar.estimation.triangular import cholesky
+from cislunar.runtime import Array
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign, values_in_field
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.packing import best_packing
 from cislunar.tasking.planning.slot_observations import SlotObservations
 
-Array = NDArray[np.float64]
 Chosen = NDArray[np.int64]
 
 _MOST_TRIALS = 6

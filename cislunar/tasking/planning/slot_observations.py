@@ -23,6 +23,7 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
+from cislunar.runtime import Array
 from cislunar.tasking.planning.brightness import sphere_margins
 from cislunar.tasking.planning.information import (
     TaskingModel,
@@ -30,8 +31,6 @@ from cislunar.tasking.planning.information import (
     expect_observation,
     tasking_constants,
 )
-
-Array = NDArray[np.float64]
 
 
 class SlotObservations(NamedTuple):
