@@ -1,6 +1,6 @@
 """The tables of surveys without a catalog, from the studies that consist of surveys."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -27,72 +27,80 @@ class Column(NamedTuple):
     terms: str = ""
 
 
-_COLUMNS = (
-    Column("Findable", "findable", ".0f",
-           terms="Findable: objects with at least three tracklets."),
-    Column("Linked of findable (%)", "linked_share", ".1f", 100.0,
-           terms="Linked: findable objects for which most detections of some orbit, confirmed or "
-           "not, are detections of the object."),
-    Column("Right of findable (%)", "completeness", ".1f", 100.0,
-           terms="Right of findable: share of the findable objects that have a right orbit."),
-    Column("Right of findable inside of the families (%)", "completeness_inside", ".1f", 100.0,
-           terms="Inside of the families: share of the findable objects on orbits of the moving "
-           "targets. Outside of the families: share of those on no orbit of the moving targets or "
-           "of the observers."),
-    Column("Right of findable outside of the families (%)", "completeness_outside", ".1f", 100.0),
-    Column("Right orbits", "right", ".0f",
-           terms="Right orbits: confirmed, within 500 km of the object at the last detection."),
-    Column("Right orbits, difference to the survey of the first row", "right_difference", "+.0f",
-           terms="Difference: in the same realizations, if both surveys have the same objects."),
-    Column("Duplicates", "duplicate", ".1f",
-           terms="Duplicates: further confirmed orbits of an object with a right orbit."),
-    Column("Wrong of confirmed (%)", "wrong_share", ".2f", 100.0,
-           terms="Wrong orbits: confirmed, with a larger error, or with false alarms as most of "
-           "their detections."),
-    Column("Purity (%)", "purity", ".2f", 100.0,
-           terms="Purity: share of the detections in confirmed orbits that belong to the object "
-           "of the orbit."),
-    Column("Right of findable that have maneuvered (%)", "completeness_maneuvering", ".1f", 100.0,
-           terms="Have maneuvered: before the time of the table."),
-    Column("In custody (%)", "custody", ".1f", 100.0,
-           terms="In custody: findable objects with a confirmed orbit within 10 km of the object "
-           "at the time of the table."),
-    Column("NEES", "nees", ".2f",
-           terms="NEES: normalized estimation error squared of right orbits, with six degrees of "
-           "freedom, at the last detection."),
-    Column("True state within the region of 95 % (%)", "covered", ".1f", 100.0,
-           terms="True state within the region of 95 %: share of the right orbits, at the last "
-           "detection."),
-    Column("NEES, no maneuver so far", "nees_ballistic", ".2f",
-           terms="No maneuver so far: of the objects that have not maneuvered."),
-    Column("NEES at the time of the table, no maneuver so far", "nees_now_ballistic", ".2f",
-           terms="NEES at the time of the table: of predicted orbits within 500 km of the object."),
-    Column("Error of known objects (km)", "error_known_km", ".2f",
-           terms="Error of known objects: geometric mean of the position errors, at the time of "
-           "the table, of the objects that had a right orbit a day before; objects lost "
-           "since count with 500 km."),
-    Column(
-        "Error of known objects, increase by the search (%)",
-        "search_cost", "+.1f", 100.0,
-           terms="Increase by the search: that of this mean over that of the survey that stops "
-           "searching."),
-    Column("Hours to catalog", "hours_to_catalog", ".1f",
-           terms="Hours to catalog: median time from the first detection of an object to its "
-           "confirmed orbit."),
-    Column("Characterized orbits", "bright", ".0f",
-           terms="Characterized orbits: those with enough detections of sufficiently small noise."),
-    Column("Spin period determined (%)", "period_determined", ".1f", 100.0,
-           terms="Spin period determined: share of the characterized orbits."),
-    Column("True spin period within its interval (%)", "period_covered", ".1f", 100.0),
-    Column("Half width of the interval of the spin period (%)", "period_half_width", ".1f", 100.0,
-           terms="True spin period within its interval, and half width: of the determined "
-           "periods."),
-    Column("True amplitude within its interval (%)", "amplitude_covered", ".1f", 100.0),
-    Column("True area times albedo within its interval (%)", "area_albedo_covered", ".1f", 100.0,
-           terms="True amplitude and area times albedo within their intervals: share of the "
-           "characterized orbits whose 95 % interval contains the true value."),
-)  # fmt: skip
-"""Columns of the table, from left to right."""
+_COLUMNS = {
+    "catalog": (
+        Column("Findable", "findable", ".0f",
+               terms="An object is findable if at least three tracklets are of this object alone."),
+        Column("Linked (% of findable)", "linked_share", ".1f", 100.0,
+               terms="An object is linked if most detections of some orbit, confirmed or not, are "
+               "detections of the object."),
+        Column("Right (% of findable)", "completeness", ".1f", 100.0),
+        Column("Right, inside of the families (% of findable)", "completeness_inside", ".1f", 100.0,
+               terms="Objects inside of the families are on orbits of the moving targets. Objects "
+               "outside are on no orbit of the moving targets or of the observers."),
+        Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
+               100.0),
+        Column("Right orbits", "right", ".0f",
+               terms="A right orbit is confirmed and within 500 km of the object of most of its "
+               "detections at the last of them."),
+        Column("Right orbits, difference to the survey of the first row", "right_difference",
+               "+.0f",
+               terms="The difference is that of the same realizations, if both surveys have the "
+               "same objects."),
+        Column("Duplicates", "duplicate", ".1f",
+               terms="A duplicate is an additional confirmed orbit of an object that has a right "
+               "orbit."),
+        Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
+               terms="A wrong orbit is confirmed and has a larger error, or most of its "
+               "detections are false alarms."),
+        Column("Purity (%)", "purity", ".2f", 100.0,
+               terms="Purity is the share of the detections in confirmed orbits that are of the "
+               "object of the orbit."),
+        Column("Right, maneuvered (% of findable)", "completeness_maneuvering", ".1f", 100.0,
+               terms="Maneuvered objects have maneuvered before the end of the stated days."),
+        Column("In custody (% of findable)", "custody", ".1f", 100.0,
+               terms="An object is in custody if a confirmed orbit predicts its position at the "
+               "end of the stated days within 10 km."),
+        Column("Error of known objects (km)", "error_known_km", ".2f",
+               terms="The error of known objects is the geometric mean of the position errors, at "
+               "the end of the stated days, of the objects that had a right orbit a day before; "
+               "objects lost since count with 500 km."),
+        Column("Error of known objects, increase by the search (%)", "search_cost", "+.1f", 100.0,
+               terms="The increase by the search is that of this mean over that of the survey "
+               "that stops searching."),
+        Column("Hours to catalog", "hours_to_catalog", ".1f",
+               terms="Hours to catalog are the median time from the first detection of an object "
+               "to its confirmed orbit."),
+    ),
+    "consistency": (
+        Column("NEES", "nees", ".3g",
+               terms="The NEES is the mean normalized estimation error squared of right orbits at "
+               "their last detections; six is expected for the six components of a state."),
+        Column("Coverage of the 95 % region (%)", "covered", ".1f", 100.0,
+               terms="Coverage is the share of the right orbits whose 95 % covariance ellipsoid "
+               "contains the true state at the last detection."),
+        Column("NEES, unmaneuvered objects", "nees_ballistic", ".3g",
+               terms="Unmaneuvered objects have not maneuvered before the end of the stated days."),
+        Column("Predicted NEES, unmaneuvered objects", "nees_now_ballistic", ".3g",
+               terms="The predicted NEES is that of orbits predicted to the end of the stated "
+               "days, within 500 km of the object."),
+    ),
+    "characterization": (
+        Column("Characterized orbits", "bright", ".0f",
+               terms="Characterized orbits are those with enough detections of sufficiently small "
+               "noise."),
+        Column("Spin period determined (%)", "period_determined", ".1f", 100.0,
+               terms="Shares of periods that are determined, and of amplitudes and areas times "
+               "albedo, are of the characterized orbits; coverage is the share of the 95 % "
+               "intervals that contain the true value."),
+        Column("Coverage of periods (%)", "period_covered", ".1f", 100.0),
+        Column("Half width of the intervals of periods (%)", "period_half_width", ".1f", 100.0,
+               terms="Coverage and median half width of periods are those of the determined ones."),
+        Column("Coverage of amplitudes (%)", "amplitude_covered", ".1f", 100.0),
+        Column("Coverage of areas times albedo (%)", "area_albedo_covered", ".1f", 100.0),
+    ),
+}  # fmt: skip
+"""Columns of each table, from left to right."""
 
 
 _HEADLINE_SURVEYS = ("everything", "three-days", "week", "without-follow-up", "published-sweep")
@@ -104,13 +112,13 @@ _HEADLINE = (
 """Quantities of the columns of the headline."""
 
 
-def _headline(tables: Tables) -> dict[str, str]:
+def _headline(tables: Tables) -> dict[str, object]:
     """Quality of the catalogs with all effects and of the baselines, at the end."""
     table = tables["survey"]
     ends = [own[own["day"] == own["day"].max()]
             for own in (table[table["survey"] == name] for name in _HEADLINE_SURVEYS)]  # fmt: skip
-    kept = pd.concat(ends)
-    return _surveys("survey", {"survey": kept[kept["quantity"].isin(_HEADLINE)]})
+    columns = [each for group in _COLUMNS.values() for each in group if each.quantity in _HEADLINE]
+    return _table(pd.concat(ends), columns)
 
 
 def _observers(tables: Tables) -> dict[str, str]:
@@ -135,23 +143,32 @@ def _observers(tables: Tables) -> dict[str, str]:
     return {"table": markdown_table(header, rows)}
 
 
-def _surveys(study: str, tables: Tables) -> dict[str, str]:
-    """Quality of the catalog of every survey, by days."""
-    rows, there = [], {*tables[study]["quantity"]}
-    columns = [column for column in _COLUMNS if column.quantity in there]
-    for (label, day), own in tables[study].groupby(["label", "day"], sort=False):
-        found = own.set_index("quantity")
+def _surveys(study: str, tables: Tables) -> dict[str, object]:
+    """Quality of the catalog of every survey, by days, in a table for each subject."""
+    there = {*tables[study]["quantity"]}
+    kept = {subject: [each for each in group if each.quantity in there]
+            for subject, group in _COLUMNS.items()}  # fmt: skip
+    return {"tables": [_table(tables[study], columns) for columns in kept.values() if columns]}
+
+
+def _table(table: pd.DataFrame, columns: Sequence[Column]) -> dict[str, str]:
+    """A table of the surveys that have one of the quantities, and the terms of its columns."""
+    own = table[table["quantity"].isin([each.quantity for each in columns])]
+    rows = []
+    for (label, day), cell in own.groupby(["label", "day"], sort=False):
+        found = cell.set_index("quantity")
         rows.append([
-            label, f"{day:g}", int(own["seeds"].max()),
-            *(stated(found, column.quantity, column.format, column.factor) for column in columns),
+            label, f"{day:g}", int(cell["seeds"].max()),
+            *(stated(found, each.quantity, each.format, each.factor) for each in columns),
         ])  # fmt: skip
-    terms = " ".join(column.terms for column in columns if column.terms)
-    titles = [column.title for column in columns]
-    table = markdown_table(["Survey", "Days", "Realizations", *titles], rows)
-    return {"table": table, "terms": terms}
+    titles = [each.title for each in columns]
+    return {
+        "table": markdown_table(["Survey", "Days", "Realizations", *titles], rows),
+        "terms": " ".join(each.terms for each in columns if each.terms),
+    }
 
 
-CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, str]]]] = {
+CATALOG_BLOCKS: dict[str, dict[str, Callable[[Tables], dict[str, object]]]] = {
     study: {study: partial(_surveys, study)} for study in STUDIES
 }
 CATALOG_BLOCKS["survey"] |= {"survey-headline": _headline, "survey-observers": _observers}
