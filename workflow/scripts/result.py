@@ -1,13 +1,11 @@
 """Makes a result from its input files and parameters by one function of the library.
 
-`params.function` names it within `cislunar`. Named input files, the other parameters, and the
-wildcards and threads that it takes are the arguments of their names; unnamed input files are its
-first arguments if no file has a name. Files are read, except those of arguments whose name ends
-with ``path``. `params` may also have the `kernels` that are loaded first, variables `without` which
-data sets are read, as `progress` what the function counts, as `inputs` the class of a named tuple
-whose fields are named input files, and as `cells` the labels of the cells whose files the input
-`cells` has: the function takes pairs of cells with their data sets, or with their metrics alone if
-`metrics` is true.
+`params.function` names it within `cislunar`. Its arguments are the named input files, which are
+read unless the name ends with ``path``, the other parameters, and the wildcards and threads that it
+takes; unnamed input files come first. Special parameters are `kernels`, loaded first; `without`,
+variables that are not read; `progress`, what the function counts; `inputs`, a class of named tuples
+of input files; and `cells`, labels of the cells whose files the input `cells` has, for pairs of
+cells and data sets, or their metrics alone if `metrics` is true.
 """
 
 from cislunar.runtime.worker_client import in_worker
@@ -20,7 +18,7 @@ from pkgutil import resolve_name
 
 import pandas as pd
 
-from cislunar.runtime import each, progress_log, read_dataset, write_dataset, write_text
+from cislunar.runtime import progress_log, read_dataset, write_dataset, write_text
 from cislunar.runtime.job import job
 
 
@@ -33,16 +31,6 @@ def read(files):
     return read_dataset(files, without=snakemake.params.get("without", ()))
 
 
-def read_cells(labels, files):
-    """Cells with their data sets or metrics."""
-    from cislunar.campaign.settings import Cell
-    from cislunar.campaign.tracking import read_cell_metrics
-
-    reader = read_cell_metrics if snakemake.params.get("metrics") else read
-    labeled = zip(labels, each(files, "cells"), strict=True)
-    return [(Cell(*cell), reader(path)) for cell, path in labeled]
-
-
 with job(snakemake.log, snakemake.threads):
     function = resolve_name(f"cislunar.{snakemake.params.function}")
     named, output = dict(snakemake.input.items()), snakemake.output
@@ -51,7 +39,10 @@ with job(snakemake.log, snakemake.threads):
     special = ("function", "kernels", "without", "metrics")
     given |= {key: value for key, value in snakemake.params.items() if key not in special}
     if "cells" in given:
-        given["cells"] = read_cells(given["cells"], named.pop("cells"))
+        from cislunar.campaign.tracking import read_cells
+
+        metrics = snakemake.params.get("metrics", False)
+        given["cells"] = read_cells(given["cells"], named.pop("cells"), metrics=metrics)
     given |= {key: path if key.endswith("path") else read(path) for key, path in named.items()}
     if "inputs" in given:
         kind = resolve_name(f"cislunar.{given['inputs']}")

@@ -4,15 +4,25 @@ A measure is a quantity of ``task2/summary.nc`` with a part of the state and a u
 measure of a cell are consecutive, and so are the measures of a cell.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART, WHERE_KEPT
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.summary import (
+    ERRORS,
+    PARTS,
+    PER_CELL,
+    PER_PART,
+    WHERE_KEPT,
+    read_cell_metrics,
+)
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.runtime import Array
+from cislunar.runtime import Array, each, read_dataset
 
 CELL = ["scenario", "architecture", "estimator", "variant", "targets", "interval_minutes"]
 """Labels that identify a cell."""
@@ -26,6 +36,15 @@ PRACTICAL_UNITS = {
     "velocity": ("m s-1", 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S),
 }
 """Unit and factor of the errors; a small GRP of the attitude error is the angle in rad."""
+
+
+def read_cells(
+    labels: Sequence[tuple], paths: Sequence[str | Path], *, metrics: bool = False
+) -> list[tuple[Cell, xr.Dataset]]:
+    """Cells, given by their labels, with their data sets or with their metrics alone."""
+    read = read_cell_metrics if metrics else read_dataset
+    labeled = zip(labels, each(paths, "cells"), strict=True)
+    return [(Cell(*cell), read(path)) for cell, path in labeled]
 
 
 def realizations(summary: xr.Dataset) -> pd.DataFrame:
