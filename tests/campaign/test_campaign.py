@@ -60,6 +60,12 @@ def random_runs(early_stop):
     return runs, visibility, orbits
 
 
+@pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*.yaml")), ids=lambda p: p.stem)
+def test_the_studies_of_the_repository_are_valid(path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    check_campaign(read_campaign(ROOT / "config", path))
+
+
 def test_best_of_runs_under_the_early_stop(tmp_path):
     patience = 12
     runs, *tables = random_runs(patience)
