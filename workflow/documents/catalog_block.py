@@ -102,7 +102,6 @@ _COLUMNS = {
 }  # fmt: skip
 """Columns of each table, from left to right."""
 
-
 _HEADLINE_SURVEYS = ("everything", "three-days", "week", "without-follow-up", "published-sweep")
 """Surveys of the headline, from top to bottom, each at its end."""
 
@@ -146,9 +145,8 @@ def _observers(tables: Tables) -> dict[str, str]:
 def _surveys(study: str, tables: Tables) -> dict[str, object]:
     """Quality of the catalog of every survey, by days, in a table for each subject."""
     there = {*tables[study]["quantity"]}
-    kept = {subject: [each for each in group if each.quantity in there]
-            for subject, group in _COLUMNS.items()}  # fmt: skip
-    return {"tables": [_table(tables[study], columns) for columns in kept.values() if columns]}
+    groups = ([each for each in group if each.quantity in there] for group in _COLUMNS.values())
+    return {"tables": [_table(tables[study], columns) for columns in groups if columns]}
 
 
 def _table(table: pd.DataFrame, columns: Sequence[Column]) -> dict[str, str]:
