@@ -1,9 +1,20 @@
-"""Orbits at common times, and which of them have the same state."""
+"""Orbits at common times, and which of them have the same state.
+
+The radiation pressure on an object is its assumed one times a factor with the standard deviation s.
+A displacement d of one standard deviation of the factor grows with time,
+
+    d(t) = Phi(t, t_0) d(t_0) + x(t; 1 + s) - x(t; 1),   P(t) = Phi P(t_0) Phi' + d d',          (1)
+
+with the transition matrix Phi and the path x of an orbit with a given factor. The factor is taken
+to be independent of the state at the epoch, at which d is zero.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from cislunar.association import gate_threshold
-from cislunar.dynamics import propagate_stm
+from cislunar.dynamics import Radiation, propagate_stm
 from cislunar.errors import CislunarError
 from cislunar.orbit_determination.least_squares import OrbitFits
 from cislunar.runtime import Array, Indices
@@ -45,33 +56,99 @@ def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
+def by_radiation(
+    state: Array, epoch: Array, time: Array, path: Array, forces: tuple, sigma: float
+) -> Array:
+    """Displacements of orbits by one standard deviation of the factor of their radiation pressure.
+
+    Parameters
+    ----------
+    state, epoch : ndarray, shapes (n, 6) and (n,)
+        As for `propagated`.
+    time, path : ndarray, shapes (m,) and (n, m, 6)
+        Times, and the states there with `forces`.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    sigma : float
+        Standard deviation of the factor.
+
+    Returns
+    -------
+    ndarray, shape (n, m, 6, 0) or (n, m, 6, 1)
+        There is no displacement without a radiation pressure, or if its factor is known. It is zero
+        for an orbit that cannot be propagated with the changed factor.
+    """
+    if not (sigma > 0.0 and isinstance(getattr(forces, "radiation", None), Radiation)):
+        return np.empty((*path.shape, 0))
+    strength = forces.radiation.strength * (1.0 + sigma)
+    changed = forces._replace(radiation=forces.radiation._replace(strength=strength))
+    shift = propagated(state, epoch, time, changed)[0] - path
+    good = np.all(np.isfinite(shift), axis=(1, 2))
+    return np.where(good[:, None, None], shift, 0.0)[..., None]
+
+
+class OrbitStates(NamedTuple):
+    """Orbits with the uncertainty of their radiation pressure.
+
+    Attributes
+    ----------
+    epoch : ndarray, shape (orbit,)
+        Nondimensional.
+    state : ndarray, shape (orbit, 6)
+        Nondimensional, propagation frame.
+    known_radiation : ndarray, shape (orbit, 6, 6)
+        Covariances of the states if the radiation pressure is as assumed.
+    shift : ndarray, shape (orbit, 6)
+        d of equation (1).
+    """
+
+    epoch: Array
+    state: Array
+    known_radiation: Array
+    shift: Array
+
+    @classmethod
+    def of(cls, fits: OrbitFits) -> "OrbitStates":
+        """The states of fits at their epochs."""
+        return cls(*fits[:3], np.zeros_like(fits.state))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariances (orbit, 6, 6) of the states, equation (1)."""
+        return self.known_radiation + self.shift[:, :, None] * self.shift[:, None]
+
+
 def orbits_at(
-    starts: tuple[Array, Array, Array], time: float, forces: tuple
-) -> tuple[Array, Array, Indices]:
+    starts: OrbitStates, time: float, forces: tuple, radiation_sigma: float = 0.0
+) -> tuple[OrbitStates, Indices]:
     """States and covariances of orbits at a time.
 
     Parameters
     ----------
-    starts : tuple of ndarray, shapes (orbit,), (orbit, 6) and (orbit, 6, 6)
-        Epochs, states and covariances, nondimensional, propagation frame.
+    starts : OrbitStates
     time : float
         Nondimensional.
     forces : NamedTuple
         CR3BP or ephemeris forces.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
 
     Returns
     -------
-    state : ndarray, shape (orbit, 6)
-    covariance : ndarray, shape (orbit, 6, 6)
+    OrbitStates
     kept : ndarray of int, shape (orbit,)
         Which of the given orbits these are: those that meet a body until then, or whose covariance
         is not finite, are left out.
     """
-    epoch, state, covariance = starts
-    moved, stm = (each[:, 0] for each in propagated(state, epoch, np.array([time]), forces))
+    epoch, state, covariance, shift = starts
+    at = np.array([time])
+    path, transition = propagated(state, epoch, at, forces)
+    more = by_radiation(state, epoch, at, path, forces, radiation_sigma).sum(axis=3)[:, 0]
+    moved, stm = path[:, 0], transition[:, 0]
     then = stm @ covariance @ stm.swapaxes(1, 2)
+    shift = np.einsum("nij,nj->ni", stm, shift) + more
     kept = np.flatnonzero(np.isfinite(then).all(axis=(1, 2)))
-    return moved[kept], then[kept], kept
+    return OrbitStates(np.full(kept.size, time), moved[kept], then[kept], shift[kept]), kept
 
 
 def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indices:
@@ -101,7 +178,8 @@ def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indice
     """
     if fits.epoch.size < 2:
         return np.empty((0, 2), dtype=np.int64)
-    state, covariance, kept = orbits_at(fits[:3], float(fits.epoch.max()), forces)
+    moved, kept = orbits_at(OrbitStates.of(fits), float(fits.epoch.max()), forces)
+    state, covariance = moved.state, moved.covariance
     gate, found = gate_threshold(probability, 6), []
     variance = np.trace(covariance, axis1=1, axis2=2)
     for k in range(len(state) - 1):

@@ -26,6 +26,7 @@ from cislunar.orbit_determination import (
     LinkedOrbits,
     LinkingSettings,
     OrbitFits,
+    OrbitStates,
     TrackletSettings,
     attributables,
     fit_orbits,
@@ -149,7 +150,7 @@ class SurveyCatalog:
         self._angles: list[Angles] = []
         self._limits: list[Array] = []
         self._area_deg2 = 0.0
-        self._predicted: tuple[float, Predictions] | None = None
+        self._predicted: tuple[OrbitStates, Predictions] | None = None
 
     def add(self, exposures: Exposures, detections: Detections, first: int) -> Angles:
         """Take up what the exposures of a block have returned, and return it as angles; `first` is
@@ -303,16 +304,15 @@ class SurveyCatalog:
         if self._predicted is None:
             current = [k for k, each in enumerate(self.status) if each == CURRENT]
             fits = self.orbits.fits.take(current)
-            starts = fits[:3]
+            starts = OrbitStates.of(fits)
             existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
             count = np.diff(fits.begin)
         else:
-            before, last = self._predicted
-            starts = np.full(len(last.state), before), last.state, last.covariance
+            starts, last = self._predicted
             existence, count = last.existence, last.detections
-        states, covariances, kept = orbits_at(starts, time, self.forces)
-        found = Predictions(states, covariances, existence[kept], count[kept])
-        self._predicted = time, found
+        states, kept = orbits_at(starts, time, self.forces, self.radiation_sigma)
+        found = Predictions(states.state, states.covariance, existence[kept], count[kept])
+        self._predicted = states, found
         return found
 
     def explains(self, angles: Angles, now: Predictions, time: float) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ from scipy.integrate import quad
 from cislunar.attitude import grp
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
-from cislunar.orbit_determination import LinkedOrbits, orbits_at
+from cislunar.orbit_determination import LinkedOrbits, OrbitStates, orbits_at
 from cislunar.runtime.arguments import number_of
 from cislunar.survey.settings import ANGULAR_VELOCITY_SIGMA_DEG_H
 
@@ -56,6 +56,7 @@ def hand_over(
     time: float,
     *,
     forces: tuple,
+    radiation_sigma: float = 0.0,
     angular_velocity_sigma_deg_h: float = ANGULAR_VELOCITY_SIGMA_DEG_H,
 ) -> HandOver:
     """Confirmed orbits of a catalog as initial estimates of the tracking loop.
@@ -68,6 +69,8 @@ def hand_over(
         Time from which the orbits are tracked, nondimensional, in the time of their epochs.
     forces : NamedTuple
         Force model of the catalog, CR3BP or ephemeris forces.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
     angular_velocity_sigma_deg_h : float
         Standard deviation of each component of the unknown angular velocity, deg/h.
 
@@ -85,7 +88,8 @@ def hand_over(
     rate = number_of("angular_velocity_sigma_deg_h", angular_velocity_sigma_deg_h, positive=True)
     confirmed = np.flatnonzero(orbits.confirmed)
     fits = orbits.fits.take(confirmed)
-    state, translation, kept = orbits_at(fits[:3], time, forces)
+    states, kept = orbits_at(OrbitStates.of(fits), time, forces, radiation_sigma)
+    state, translation = states.state, states.covariance
     n = len(state)
     if n == 0:
         raise ConfigurationError(

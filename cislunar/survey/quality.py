@@ -21,6 +21,7 @@ from cislunar.orbit_determination import (
     Angles,
     Attributables,
     LinkedOrbits,
+    OrbitStates,
     orbits_at,
     squared_distances,
 )
@@ -126,6 +127,7 @@ def orbit_table(
     step: float,
     day: float,
     forces: tuple = EARTH_MOON,
+    radiation_sigma: float = 0.0,
 ) -> pd.DataFrame:
     """Linked orbits and the objects that they are of.
 
@@ -147,6 +149,8 @@ def orbit_table(
         Time of the table.
     forces : NamedTuple
         Assumed force model, by which confirmed orbits are propagated to the time of the table.
+    radiation_sigma : float
+        Assumed standard deviation of the factor of the radiation pressure on an object.
 
     Returns
     -------
@@ -156,8 +160,11 @@ def orbit_table(
     """
     given, rows, fits = np.asarray(origin), [], orbits.fits
     confirmed = np.flatnonzero(orbits.confirmed)
-    *moved, kept = orbits_at(fits.take(confirmed)[:3], last * step, forces)
-    present = dict(zip(confirmed[kept].tolist(), zip(*moved, strict=True), strict=True))
+    starts = OrbitStates.of(fits.take(confirmed))
+    moved, kept = orbits_at(starts, last * step, forces, radiation_sigma)
+    present = dict(
+        zip(confirmed[kept].tolist(), zip(moved.state, moved.covariance, strict=True), strict=True)
+    )
     owners = [_owner(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
     real = [k for k, (main, _) in enumerate(owners) if main != FALSE_ALARM]
     of = np.array([owners[k][0] for k in real], dtype=np.int64)

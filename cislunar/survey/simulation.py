@@ -317,8 +317,9 @@ class _Survey:
         orbits, angles = self.catalog.link(), self.catalog.angles
         origin = np.concatenate(self.origin)
         table = orbit_table(
-            orbits, angles, origin, self.world.states, index, scene.step, day, self.forces
-        )
+            orbits, angles, origin, self.world.states, index, scene.step, day, self.forces,
+            self.settings.radiation_sigma,
+        )  # fmt: skip
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
         right = right_objects(table, self.settings.quality)
         self.right.append((day, right))

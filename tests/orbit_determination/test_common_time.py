@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cislunar.dynamics import EARTH_MOON
-from cislunar.orbit_determination import orbits_at, squared_distances
+from cislunar.orbit_determination import OrbitStates, orbits_at, squared_distances
 
 
 def test_distances_are_those_of_the_inverse_covariance():
@@ -27,7 +27,8 @@ def test_a_covariance_that_is_none_has_no_distance_and_spoils_no_other(spoiled):
 def test_an_orbit_without_a_finite_covariance_is_left_out():
     state = np.array([1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0])
     scales = np.array([1e-12, np.nan, 1e-10])
-    starts = np.zeros(3), np.tile(state, (3, 1)), scales[:, None, None] * np.eye(6)
-    moved, covariance, kept = orbits_at(starts, 0.2, EARTH_MOON)
-    assert kept.tolist() == [0, 2] and moved.shape == (2, 6)
-    np.testing.assert_allclose(covariance[1], 100.0 * covariance[0], rtol=1e-9)
+    covariance = scales[:, None, None] * np.eye(6)
+    starts = OrbitStates(np.zeros(3), np.tile(state, (3, 1)), covariance, np.zeros((3, 6)))
+    moved, kept = orbits_at(starts, 0.2, EARTH_MOON)
+    assert kept.tolist() == [0, 2] and moved.state.shape == (2, 6)
+    np.testing.assert_allclose(moved.covariance[1], 100.0 * moved.covariance[0], rtol=1e-9)

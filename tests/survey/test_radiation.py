@@ -10,7 +10,14 @@ from cislunar.dynamics import EARTH_MOON, propagate_many
 from cislunar.dynamics.ephemeris_forces import ephemeris_forces
 from cislunar.ephemeris import tabulate_bodies, tdb_seconds
 from cislunar.estimation.navigation import ObserverErrorSigma
-from cislunar.orbit_determination import fit_orbits, make_angles, propagated
+from cislunar.orbit_determination import (
+    OrbitStates,
+    by_radiation,
+    fit_orbits,
+    make_angles,
+    orbits_at,
+    propagated,
+)
 from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import maneuvers_within
 from cislunar.survey.navigation import (
@@ -20,7 +27,6 @@ from cislunar.survey.navigation import (
     corrected_angles,
     uncalibrated,
 )
-from cislunar.survey.navigation.paths import by_radiation
 
 START, SIGMA, DEVIATION, OBJECTS = tdb_seconds("2024-10-01T00:00:00"), np.pi / 648_000.0, 0.3, 24
 DAYS, OBSERVERS, STEP_S = 5, 3, 7_200.0
@@ -30,11 +36,19 @@ COASTING = LineageSettings(maneuvers_per_day=0)
 RNG = np.random.default_rng(7)
 
 
+FACTOR = 1.0 + DEVIATION * RNG.standard_normal(OBJECTS)
+
+
+def true_forces():
+    """Force models of the objects, each with its own radiation pressure."""
+    table = tabulate_bodies(START, START + 86_400.0 * (DAYS + 6))
+    return [ephemeris_forces(table, START, area_to_mass=0.02 * each) for each in FACTOR]
+
+
 @pytest.fixture(scope="module")
 def found():
-    table = tabulate_bodies(START, START + 86_400.0 * (DAYS + 1))
+    table = tabulate_bodies(START, START + 86_400.0 * (DAYS + 6))
     forces = ephemeris_forces(table, START, area_to_mass=0.02)
-    factor = 1.0 + DEVIATION * RNG.standard_normal(OBJECTS)
     angle = RNG.uniform(0.0, 2.0 * np.pi, OBJECTS)
     distance = RNG.uniform(0.6, 0.8, OBJECTS)
     start = np.zeros((OBJECTS, 6))
@@ -43,11 +57,8 @@ def found():
     start[:, 5] = 0.1
     time = np.arange(12 * DAYS) * STEP_S / TIME_UNIT_S
     path = np.array([
-        propagate_many(
-            start[[k]], time, method="dop853",
-            forces=ephemeris_forces(table, START, area_to_mass=0.02 * factor[k]),
-        )[0]
-        for k in range(OBJECTS)
+        propagate_many(start[[k]], time, method="dop853", forces=own)[0]
+        for k, own in enumerate(true_forces())
     ])  # fmt: skip
     owner = np.arange(time.size) % OBSERVERS
     place = np.array([[0.3, 0.0, 0.1], [-0.2, 0.4, 0.0], [0.0, -0.3, -0.2]])[owner]
@@ -81,6 +92,31 @@ def test_orbits_with_an_estimated_radiation_pressure_are_consistent(found):
     np.testing.assert_allclose(
         better.root.swapaxes(1, 2) @ better.root, better.covariance, rtol=1e-6, atol=1e-24
     )
+
+
+def test_predictions_consider_the_unknown_radiation_pressure(found):
+    """Four days after the last detection, against objects with their own radiation pressure."""
+    forces, angles, fits, truth = found
+    given = {"forces": forces, "settings": COASTING, "radiation_sigma": DEVIATION}
+    better, _ = maneuvers_within(fits, angles, **given)
+    end = float(fits.epoch[0])
+    times = end + np.array([2.0, 4.0]) * 86_400.0 / TIME_UNIT_S
+    then = np.array([
+        propagated(truth[[k]], fits.epoch[[k]], times[1:], own)[0][0, 0]
+        for k, own in enumerate(true_forces())
+    ])  # fmt: skip
+    starts = OrbitStates.of(better)
+    known, _ = orbits_at(starts, times[1], forces)
+    middle, _ = orbits_at(starts, times[0], forces, DEVIATION)
+    later, kept = orbits_at(middle, times[1], forces, DEVIATION)
+    direct, _ = orbits_at(starts, times[1], forces, DEVIATION)
+    np.testing.assert_array_equal(kept, np.arange(OBJECTS))
+    np.testing.assert_allclose(later.state, direct.state, rtol=0, atol=1e-8)
+    scale = np.abs(direct.shift).max(axis=0)
+    np.testing.assert_allclose(later.shift / scale, direct.shift / scale, rtol=0, atol=1e-3)
+    assert normalized(known, then).mean() > 30.0
+    # at most: the factor that the fit has estimated counts with its prior
+    assert 2.0 < normalized(direct, then).mean() < 8.1
 
 
 def test_nothing_changes_if_the_radiation_pressure_is_known_or_there_is_none(found):
@@ -150,7 +186,7 @@ def test_orbits_consider_the_observers_with_the_gain_of_the_estimated_factor(fou
             columns.append(0.5 * (ends[0] - ends[1]))
     start = estimate(none).state, given.epoch[:1]
     path = propagated(*start, measured.time[rows], forces)[0][0]
-    shift = by_radiation(*start, measured.time[rows], path, forces, DEVIATION)[..., 0]
+    shift = by_radiation(*start, measured.time[rows], path[None], forces, DEVIATION)[0, :, :3, 0]
     shift /= np.linalg.norm(path[:, :3] - measured.observer_position[rows], axis=1)[:, None]
     ends = [estimate(none, rows, sign * shift[:, None]).state[0] for sign in (1.0, -1.0)]
     columns.append(0.5 * (ends[0] - ends[1]))

@@ -144,7 +144,9 @@ def survey_realization(
         labels = target_labels(inputs.tracked, problem.target_ids)
         names = [f"outside {k + 1}" if outside[k] else each for k, each in enumerate(labels)]
         attributes = provenance(title, settings=used, seed=seed)
-        record = SurveyRecorder(problem, names, appears_hours, attributes)
+        record = SurveyRecorder(
+            problem, names, appears_hours, attributes, radiation_sigma=chosen.radiation_sigma
+        )
     result = run_survey(
         problem.scene,
         problem.truth,

@@ -22,7 +22,7 @@ from cislunar.campaign.tracking.records import (
 )
 from cislunar.detection import FALSE_ALARM
 from cislunar.dynamics import EphemerisForces
-from cislunar.orbit_determination import orbits_at
+from cislunar.orbit_determination import OrbitStates, orbits_at
 from cislunar.runtime import variable
 from cislunar.runtime.arguments import Array
 from cislunar.survey import BlockRecord, CatalogRecord
@@ -48,6 +48,8 @@ class SurveyRecorder:
         Global attributes of the data set.
     minutes : float
         Time between two recorded states.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object, for predictions.
     """
 
     def __init__(
@@ -57,7 +59,9 @@ class SurveyRecorder:
         appears_hours: Array,
         attributes: Mapping[str, Any],
         minutes: float = 5.0,
+        radiation_sigma: float = 0.0,
     ) -> None:
+        self._radiation_sigma = radiation_sigma
         self._scene, self._forces, self._ids = problem.scene, problem.forces, problem.target_ids
         self._names, self._attributes = list(names), dict(attributes)
         self._appears_s = 3600.0 * np.asarray(appears_hours, dtype=float)
@@ -70,7 +74,9 @@ class SurveyRecorder:
         self._links: list[tuple[int, Indices]] = []
         self._held: dict[int, int] = {}
         self._rows = np.empty(0, dtype=np.int64)
-        self._starts = np.empty(0), np.empty((0, 6)), np.empty((0, 6, 6))
+        self._starts = OrbitStates(
+            np.empty(0), np.empty((0, 6)), np.empty((0, 6, 6)), np.empty((0, 6))
+        )
         self._catalog: CatalogRecord | None = None
         self._block: BlockRecord | None = None
 
@@ -101,10 +107,9 @@ class SurveyRecorder:
     def _predicted(self, index: int) -> tuple[Indices, Array, Array]:
         """Rows, states and covariances of the confirmed orbits at a time."""
         time = index * self._scene.step
-        states, covariances, kept = orbits_at(self._starts, time, self._forces)
-        self._rows = self._rows[kept]
-        self._starts = np.full(kept.size, time), states, covariances
-        return self._rows, states, covariances
+        states, kept = orbits_at(self._starts, time, self._forces, self._radiation_sigma)
+        self._rows, self._starts = self._rows[kept], states
+        return self._rows, states.state, states.covariance
 
     def _take(self, catalog: CatalogRecord, index: int) -> None:
         """Take up the catalog after a run of linking, with the rows of its orbits."""
@@ -121,7 +126,7 @@ class SurveyRecorder:
         status[candidates] = np.maximum(status[candidates], 1)
         self._links.append((index, np.append(status, np.full(further - n, 2))))
         self._rows = np.array(list(rows.values()), dtype=np.int64)
-        self._starts = fits.take(list(rows))[:3]
+        self._starts = OrbitStates.of(fits.take(list(rows)))
         self._held, self._catalog = rows, catalog
 
     def dataset(self) -> xr.Dataset:

@@ -87,10 +87,17 @@ class Watch(NamedTuple):
 
 
 def log_missed(
-    fits: OrbitFits, angles: Angles, which: Indices, paths: OrbitPaths, watch: Watch
+    fits: OrbitFits,
+    angles: Angles,
+    which: Indices,
+    paths: OrbitPaths,
+    watch: Watch,
+    *,
+    since: Array | None = None,
+    of_others: Indices | None = None,
 ) -> Array:
-    """Logarithm of the probability that no exposure since its last detection detected the object of
-    an orbit, if it is where it is predicted.
+    """Logarithm of the probability that no exposure after a time detected the object of an orbit,
+    if it is where it is predicted.
 
     Parameters
     ----------
@@ -103,6 +110,10 @@ def log_missed(
     paths : OrbitPaths
         Of all orbits, to the last exposure.
     watch : Watch
+    since : ndarray, shape (n,), optional
+        Times after which exposures count; those of the last detections of the orbits if omitted.
+    of_others : ndarray of int, optional
+        Rows of detections that are not of these orbits even if they are next to them.
 
     Returns
     -------
@@ -110,7 +121,10 @@ def log_missed(
         Equation (1); 0 for an orbit of unknown brightness.
     """
     fields, scene, limits, magnitude_sigma, loss, block_s = watch
-    last = angles.time[fits.row[fits.begin[which + 1] - 1]]
+    last = angles.time[fits.row[fits.begin[which + 1] - 1]] if since is None else since
+    possible = np.ones(angles.time.size, dtype=bool)
+    if of_others is not None:
+        possible[of_others] = False
     size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
     known = np.isfinite(size)
     offset = np.maximum(magnitude_sigma, scatter)[:, None] * _OFFSET
@@ -141,7 +155,7 @@ def log_missed(
             off = np.arccos(np.clip(way @ fields.boresight[e] / distance, -1.0, 1.0))
             gate = _MARGIN * spread / distance
             inside = off + gate <= fields.half_field[e]
-            found = angles.direction[seen][angles.observer[seen] == o]
+            found = angles.direction[seen][(angles.observer[seen] == o) & possible[seen]]
             if found.size:
                 unit = way / distance[:, None]
                 apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)

@@ -18,15 +18,18 @@ from cislunar.orbit_determination import (
     fit_orbits,
 )
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
+from cislunar.survey.maneuvers.duplicates import duplicate_orbits
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
 from cislunar.survey.maneuvers.misses import Watch, log_missed
+from cislunar.survey.maneuvers.neighbors import divided_neighbors
 from cislunar.survey.maneuvers.within import maneuvers_within
 from cislunar.survey.navigation import RemainingErrors
 from cislunar.survey.settings import LineageSettings
 
 CURRENT, LOST, SUPERSEDED = "current", "lost", "superseded"
 """Status of an orbit: where its object is; not there any more, by exposures without a detection;
-that of its object before a maneuver, after which another orbit is known."""
+that of its object before a maneuver, after which another orbit is known, one of several orbits of
+one object, or one whose detections belong to others."""
 
 
 class ManeuveredOrbits(NamedTuple):
@@ -88,12 +91,16 @@ def maneuvered_orbits(
     least = linking.confirmation.least_log_ratio
     single = np.array([each == ORBIT for each in linked.verdict], dtype=bool)
     own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
+    status = np.full(linked.log_ratio.size, CURRENT, dtype=object)
+    significance, refit = linking.verdict.significance, partial(fit, angles, forces=forces)
+    near = divided_neighbors(linked.fits.take(own), angles, significance, refit, forces)
+    alone = replaced(linked.fits.take(own), near.changed, near.fits)
+    status[own[near.empty]] = SUPERSEDED
+    own, alone = np.delete(own, near.empty), alone.take(np.delete(np.arange(own.size), near.empty))
     sure = linked.confirmed[own].copy()
     inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma,
               "remaining": remaining}  # fmt: skip
-    alone = linked.fits.take(own)
     fits, within = maneuvers_within(alone, angles, **inside)
-    status = np.full(linked.log_ratio.size, CURRENT, dtype=object)
     last = angles.time[fits.row[fits.begin[1:] - 1]]
     now = float(angles.time[-1]) if angles.time.size else 0.0
     if watch is not None and watch.fields.index.size:
@@ -104,7 +111,7 @@ def maneuvered_orbits(
     given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
              "settings": settings}  # fmt: skip
     found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
-    fits, changed = _divided(fits, angles, found, paths, linking, fit, given)
+    fits, changed = _divided(fits, angles, found, paths, significance, refit, given)
     if changed.size:
         divided_anew = replaced(alone, changed, fits.take(changed))
         fits, within = maneuvers_within(divided_anew, angles, **inside)
@@ -123,6 +130,9 @@ def maneuvered_orbits(
     all_fits = all_fits.updated(after[pairs], found.state[pairs], found.covariance[pairs])
     status[before] = SUPERSEDED
     if watch is not None and own.size:
+        rest = np.flatnonzero(sure & (status[own] == CURRENT))
+        doubled = duplicate_orbits(fits, angles, rest, paths, watch, settings.least_probability)
+        status[own[doubled]] = SUPERSEDED
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
         missed = log_missed(fits, angles, rest, paths, watch)
         gap = (now - last[rest]) * TIME_UNIT_S / SECONDS_PER_DAY
@@ -144,8 +154,8 @@ def _divided(
     angles: Angles,
     found: Lineage,
     paths: OrbitPaths,
-    linking: LinkingSettings,
-    fit: Callable[..., OrbitFits],
+    significance: float,
+    refit: Callable[..., OrbitFits],
     given: dict[str, Any],
 ) -> tuple[OrbitFits, NDArray[np.int64]]:
     """Orbits with the detections of some pairs divided anew, and which of them have changed. Each
@@ -156,8 +166,7 @@ def _divided(
     for pair in overlapping_pairs(fits, angles, paths, max(given["settings"].scales_m_s)):
         if used & set(pair):
             continue
-        parts = divided(fits, angles, pair, linking.verdict.significance,
-                        partial(fit, angles, forces=given["forces"]))  # fmt: skip
+        parts = divided(fits, angles, pair, significance, refit)
         if parts is None:
             continue
         ends = angles.time[parts.row[parts.begin[1] - 1]], angles.time[parts.row[parts.begin[1]]]

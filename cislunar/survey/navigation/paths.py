@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.dynamics import Radiation
-from cislunar.orbit_determination import Angles, OrbitFits, propagated
+from cislunar.orbit_determination import Angles, OrbitFits, by_radiation, propagated
 from cislunar.runtime import Array
 
 
@@ -28,7 +27,8 @@ class ObservedPath(NamedTuple):
     by_state : ndarray, shape (row, 3, 6)
         Derivatives of positions by the state at the epoch.
     by_factor : ndarray, shape (row, 3, 0 or 1)
-        See `by_radiation`.
+        Derivatives of positions by the factor of the radiation pressure on the object, in its
+        standard deviations; see `cislunar.orbit_determination.by_radiation`.
     """
 
     rows: NDArray[np.int64]
@@ -74,37 +74,5 @@ def observed_path(
         along,
         angles.basis / along[:, None, None],
         stm[:, :3],
-        by_radiation(*start, angles.time, path, forces, radiation_sigma),
+        by_radiation(*start, angles.time, path[None], forces, radiation_sigma)[0, :, :3],
     )
-
-
-def by_radiation(
-    start: Array, epoch: Array, time: Array, path: Array, forces: tuple, sigma: float
-) -> Array:
-    """Derivatives of positions by the factor of the radiation pressure on an object.
-
-    Parameters
-    ----------
-    start : ndarray, shape (1, 6)
-        State at the epoch, nondimensional, propagation frame.
-    epoch : ndarray, shape (1,)
-    time, path : ndarray, shapes (row,) and (row, 6)
-        Times, and the states there with `forces`.
-    forces : NamedTuple
-        CR3BP or ephemeris forces.
-    sigma : float
-        Standard deviation of the factor.
-
-    Returns
-    -------
-    ndarray, shape (row, 3, 0) or (row, 3, 1)
-        In standard deviations of the factor. There is no derivative without a radiation pressure,
-        if its factor is known, or where the path cannot be propagated.
-    """
-    none = np.empty((time.size, 3, 0))
-    if not (sigma > 0.0 and isinstance(getattr(forces, "radiation", None), Radiation)):
-        return none
-    strength = forces.radiation.strength * (1.0 + sigma)
-    changed = forces._replace(radiation=forces.radiation._replace(strength=strength))
-    shift = (propagated(start, epoch, time, changed)[0][0] - path)[:, :3, None]
-    return shift if np.all(np.isfinite(shift)) else none

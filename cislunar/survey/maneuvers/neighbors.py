@@ -1,0 +1,203 @@
+"""Division of detections between the orbits of objects next to each other.
+
+Objects that were deployed together are seconds to minutes of arc apart for hours. Linking may mix
+their tracklets, and a fit to detections of which some are of a neighbor still agrees with them. The
+detections of such orbits are therefore divided anew. In each exposure, a detection belongs to one
+orbit, and an orbit has one detection, at most; the division minimizes
+
+    sum of  nu' S^-1 nu + ln |S| - 2 ln n_k,                                                  (1)
+
+with the offset nu of a detection from the prediction of orbit k, its covariance S, and the number
+n_k of detections of the orbit (Jonker & Volgenant 1987, Computing 38, 325). All orbits are then
+fitted again, until the division no longer changes. Two orbits of one object do not remain equally
+strong, because of n_k.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.special import chdtri
+
+from cislunar.orbit_determination import (
+    CONVERGED,
+    Angles,
+    OrbitFits,
+    agrees,
+    concatenate_fits,
+    propagated,
+)
+from cislunar.runtime import Array, Indices
+
+_NEXT, _LEAST_SHARED = np.deg2rad(0.1), 3
+"""Distance of two detections in one exposure, and number of such pairs, from which on their orbits
+are divided anew."""
+
+_GATE = float(chdtri(2, 1e-6))
+"""Of an offset: a detection beyond it is of none of the orbits."""
+
+_ROUNDS, _LEAST_ROWS = 5, 6
+"""Largest number of divisions, and least number of detections of an orbit."""
+
+
+class NeighborFits(NamedTuple):
+    """Orbits next to each other with their detections divided anew: indices `changed` (n,) of the
+    orbits whose fits are others, these `fits`, and indices `empty` (m,) of the orbits whose
+    detections belong to others."""
+
+    changed: Indices
+    fits: OrbitFits
+    empty: Indices
+
+
+def divided_neighbors(
+    fits: OrbitFits,
+    angles: Angles,
+    significance: float,
+    fit: Callable[[list[Indices], Array, Array], OrbitFits],
+    forces: tuple,
+) -> NeighborFits:
+    """Divide the detections of orbits next to each other anew.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits.
+    angles : Angles
+        Detections, to whose rows the fits refer.
+    significance : float
+        Of the agreement of a fit with its angles.
+    fit : callable
+        Fits orbits, as `cislunar.orbit_determination.fit_orbits`, from rows, states and epochs.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    NeighborFits
+        Each fit is at the time of its last detection. An orbit that would not agree with its new
+        detections keeps those that it has, which no other orbit takes.
+    """
+    key = np.stack([angles.time, angles.observer])
+    exposure = np.unique(key, axis=1, return_inverse=True)[1].ravel()
+    changed: list[int] = []
+    empty: list[int] = []
+    parts: list[OrbitFits] = []
+    for group in _groups(fits, angles, exposure):
+        members, kept = group, np.empty(0, dtype=np.int64)
+        while members.size > 1:
+            begin = fits.take(members)
+            pool = np.setdiff1d(np.unique(begin.row), fits.take(kept).row)
+            found = _divided(begin, angles, exposure, pool, fit, forces)
+            none = np.diff(found.begin) < _LEAST_ROWS
+            worse = ~none & ~agrees(found, significance)
+            if not np.any(worse):
+                empty += members[none].tolist()
+                changed += members[~none].tolist()
+                parts.append(found.take(np.flatnonzero(~none)))
+                break
+            kept, members = np.append(kept, members[worse]), members[~worse]
+    return NeighborFits(
+        np.array(changed, dtype=np.int64), concatenate_fits(parts, fits),
+        np.array(empty, dtype=np.int64),
+    )  # fmt: skip
+
+
+def _groups(fits: OrbitFits, angles: Angles, exposure: Indices) -> list[Indices]:
+    """Sets of orbits, each of which has detections next to those of another one of the set."""
+    n = fits.epoch.size
+    owner = np.repeat(np.arange(n), np.diff(fits.begin))
+    order = np.argsort(exposure[fits.row], kind="stable")
+    of, rows = owner[order], fits.row[order]
+    pairs, shift = [], 1
+    while shift < rows.size:
+        # detections at this distance in the order, within one exposure
+        same = np.flatnonzero(exposure[rows[shift:]] == exposure[rows[:-shift]])
+        if same.size == 0:
+            break
+        a, b = same, same + shift
+        apart = np.linalg.norm(angles.direction[rows[a]] - angles.direction[rows[b]], axis=1)
+        near = (apart <= _NEXT) & (of[a] != of[b])
+        pairs.append(np.sort(np.stack([of[a[near]], of[b[near]]], axis=1), axis=1))
+        shift += 1
+    found, count = np.unique(np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs]), axis=0,
+                             return_counts=True)  # fmt: skip
+    edge = found[count >= _LEAST_SHARED].T
+    graph = coo_array((np.ones(edge.shape[1]), (edge[0], edge[1])), shape=(n, n))
+    label = connected_components(graph, directed=False)[1]
+    sizes = np.bincount(label, minlength=n)
+    return [np.flatnonzero(label == each) for each in np.flatnonzero(sizes > 1)]
+
+
+def _divided(
+    fits: OrbitFits,
+    angles: Angles,
+    exposure: Indices,
+    pool: Indices,
+    fit: Callable[[list[Indices], Array, Array], OrbitFits],
+    forces: tuple,
+) -> OrbitFits:
+    """Fits to the division of a pool of detections, with those of too few as they are assigned."""
+    n, own = fits.epoch.size, [fits.detections(k) for k in range(fits.epoch.size)]
+    for _ in range(_ROUNDS):
+        owner = _assigned(fits, angles, exposure, pool, forces)
+        before, own = own, [pool[owner == k] for k in range(n)]
+        if all(np.array_equal(*each) for each in zip(before, own, strict=True)):
+            break
+        enough = [k for k in range(n) if own[k].size >= _LEAST_ROWS]
+        parts = {k: fits.take([k]) for k in range(n)}
+        last = [float(angles.time[own[k][-1]]) for k in enough]
+        starts = [
+            propagated(fits.state[[k]], fits.epoch[[k]], np.array([time]), forces)[0][0, 0]
+            for k, time in zip(enough, last, strict=True)
+        ]
+        again = fit([own[k] for k in enough], np.array(starts).reshape(-1, 6), np.array(last))
+        parts |= {k: again.take([i]) for i, k in enumerate(enough)}
+        for k in set(range(n)) - set(enough):
+            unknown = np.full((own[k].size, 3), np.nan)
+            parts[k] = parts[k]._replace(
+                begin=np.array([0, own[k].size]), row=own[k], position=unknown
+            )
+        fits = concatenate_fits([parts[k] for k in range(n)], fits)
+        if np.any(fits.status != CONVERGED):
+            break
+    return fits
+
+
+def _assigned(
+    fits: OrbitFits, angles: Angles, exposure: Indices, pool: Indices, forces: tuple
+) -> Indices:
+    """Orbit (row,) of each detection of the pool, equation (1); -1: none."""
+    seen, time = angles.rows(pool), angles.time[pool]
+    moments, at = np.unique(time, return_inverse=True)
+    state, transition = propagated(fits.state, fits.epoch, moments, forces)
+    cost = np.full((pool.size, fits.epoch.size), np.inf)
+    for k in range(fits.epoch.size):
+        way = state[k, at, :3] - seen.observer_position
+        along = np.sum(way * seen.direction, axis=1)
+        design = seen.basis / along[:, None, None] @ transition[k, at, :3]
+        offset = np.einsum("nac,nc->na", seen.basis, way) / along[:, None]
+        s = design @ fits.covariance[k] @ design.swapaxes(1, 2) + seen.covariance
+        determinant = np.linalg.det(s)
+        good = np.isfinite(determinant) & (determinant > 0.0) & (along > 0.0)
+        squared = np.full(pool.size, np.inf)
+        solved = np.linalg.solve(s[good], offset[good, :, None])[..., 0]
+        squared[good] = np.sum(offset[good] * solved, axis=1)
+        near = squared <= _GATE
+        cost[near, k] = squared[near] + np.log(determinant[near])
+    number = np.diff(fits.begin)
+    cost -= 2.0 * np.log(np.maximum(number, 1))
+    owner = np.full(pool.size, -1, dtype=np.int64)
+    # a cost above all others, at which a detection stays without an orbit
+    finite = cost[np.isfinite(cost)]
+    none = 1.0 + finite.max(initial=0.0) - finite.min(initial=0.0)
+    order = np.argsort(exposure[pool], kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(exposure[pool][order])) + 1):
+        here = np.minimum(cost[rows] - finite.min(initial=0.0), none)
+        for i, k in zip(*linear_sum_assignment(here), strict=True):
+            if here[i, k] < none:
+                owner[rows[i]] = k
+    return owner
