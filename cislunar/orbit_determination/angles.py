@@ -81,6 +81,17 @@ class Angles(NamedTuple):
         return Angles(*(each[which] for each in self[:-1]), self.light_delay)
 
 
+def exposure_numbers(angles: Angles) -> Indices:
+    """Numbers (row,) of the exposures of detections: equal for equal times and observers."""
+    order = np.lexsort((angles.observer, angles.time))
+    changes = np.diff(angles.time[order]).astype(bool) | np.diff(angles.observer[order]).astype(
+        bool
+    )
+    out = np.zeros(order.size, dtype=np.int64)
+    out[order[1:]] = np.cumsum(changes)
+    return out
+
+
 def frame_rate(forces: tuple) -> float:
     """Angular rate of the propagation frame of a force model about z, nondimensional: 1 in the
     CR3BP, otherwise 0."""

@@ -222,6 +222,7 @@ def extend_orbits(
     tracklets: Attributables,
     orbits: OrbitHypotheses,
     usable: NDArray[np.bool_],
+    exposure: Indices,
     *,
     forces: tuple,
     spans_h: tuple[float, ...],
@@ -230,7 +231,8 @@ def extend_orbits(
 ) -> OrbitHypotheses:
     """Attribute usable tracklets (tracklet,) to orbits as long as the fits agree with the angles.
     Tracklets are sought within `spans_h` before the first and after the last tracklet of an orbit,
-    one span after the other, until it has rejected `_MOST_REJECTED`."""
+    one span after the other, until it has rejected `_MOST_REJECTED`. Of each `exposure` (row,) an
+    orbit takes one detection at most."""
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
@@ -251,20 +253,22 @@ def extend_orbits(
         begins = np.searchsorted(which, np.arange(len(active) + 1))
         trials, rows, later = [], [], []
         for position, k in enumerate(active):
-            used = set(np.concatenate([tracklets.detections[t] for t in members[k]]).tolist())
+            rows_of = [tracklets.detections[t] for t in members[k]]
+            used = set(exposure[np.concatenate(rows_of)].tolist())
             added: list[int] = []
             most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
             for t in found[begins[position] : begins[position + 1]].tolist():
-                rows_of = tracklets.detections[t].tolist()
-                if t in rejected[k] or used & set(rows_of):
+                taken = exposure[tracklets.detections[t]].tolist()
+                if t in rejected[k] or used & set(taken):
                     continue
                 added.append(t)
-                used.update(rows_of)
+                used.update(taken)
+                rows_of.append(tracklets.detections[t])
                 if len(added) == most:
                     break
             if added:
                 trials.append((k, added))
-                rows.append(np.array(sorted(used)))
+                rows.append(np.unique(np.concatenate(rows_of)))
             elif stage[k] + 1 < len(spans_h):
                 stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
                 later.append(k)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.association import clusters, set_packing
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
-from cislunar.orbit_determination.angles import Angles
+from cislunar.orbit_determination.angles import Angles, exposure_numbers
 from cislunar.orbit_determination.attribution import OrbitHypotheses, extend_orbits
 from cislunar.orbit_determination.initial_orbits import is_plausible
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
@@ -41,6 +41,7 @@ class LinkHypotheses:
     ) -> None:
         self.data = angles, tracklets, forces, region, settings
         self.score_of = lambda fits: log_scores(fits, angles, region, settings, log_clutter)
+        self._exposure = exposure_numbers(angles)
         self.fits: list[OrbitFits] = []
         self.members: list[tuple[int, ...]] = []
         self.scores: list[float] = []
@@ -74,7 +75,8 @@ class LinkHypotheses:
         """The orbits with all tracklets that they can take of the usable ones."""
         angles, tracklets, forces, _, settings = self.data
         return extend_orbits(
-            angles, tracklets, orbits, usable, forces=forces, spans_h=settings.spans_h,
+            angles, tracklets, orbits, usable, self._exposure, forces=forces,
+            spans_h=settings.spans_h,
             gate_probability=settings.gate_probability,
             significance=settings.verdict.significance,
         )  # fmt: skip

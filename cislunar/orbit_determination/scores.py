@@ -131,7 +131,8 @@ def log_scores(
     settings: LinkingSettings,
     log_clutter: ArrayLike,
 ) -> Array:
-    """Scores of hypotheses, equation (1); minus infinity for those that are not admissible.
+    """Scores of hypotheses, equation (1); minus infinity for those that are not admissible or have
+    two detections in one exposure.
 
     Parameters
     ----------
@@ -174,4 +175,8 @@ def log_scores(
     # brightness as a constraint, too: sizes outside of the region have no density
     largest, least = -2.5 * np.log10([region.least_size_m2, region.largest_size_m2])
     score[some & ((mean < least) | (mean > largest))] = -np.inf
+    exposure = angles.observer[fits.row], angles.time[fits.row], of
+    order = np.lexsort(exposure)
+    again = np.all([np.diff(values[order]) == 0 for values in exposure], axis=0)
+    score[of[order[1:]][again]] = -np.inf
     return score

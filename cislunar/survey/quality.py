@@ -51,7 +51,7 @@ class CatalogState(NamedTuple):
         Objects in the truth, those with a detection, and those with enough tracklets.
     confirmed, right, wrong, false, duplicate : int
         Confirmed orbits; those of one object with a small error, one for each object; those of an
-        object with a large error; those most of whose detections are false alarms; further orbits
+        object with a large error, or of several with equally many detections; those most of whose detections are false alarms; further orbits
         of an object that has a right one.
     candidates : int
         Orbits that are not confirmed.
@@ -156,7 +156,8 @@ def orbit_table(
     -------
     DataFrame
         Columns `ORBIT_COLUMNS`; `object` is that of most detections, or `FALSE_ALARM`. `now_km` and
-        `now_nees` are NaN for orbits that are not confirmed.
+        `now_nees` are NaN for orbits that are not confirmed. If several objects have equally many
+        detections, `object` is the first of them, and all errors are NaN.
     """
     given, rows, fits = np.asarray(origin), [], orbits.fits
     confirmed = np.flatnonzero(orbits.confirmed)
@@ -166,11 +167,11 @@ def orbit_table(
         zip(confirmed[kept].tolist(), zip(moved.state, moved.covariance, strict=True), strict=True)
     )
     owners = [_owner(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
-    real = [k for k, (main, _) in enumerate(owners) if main != FALSE_ALARM]
+    real = [k for k, (main, _, alone) in enumerate(owners) if alone and main != FALSE_ALARM]
     of = np.array([owners[k][0] for k in real], dtype=np.int64)
     then = truth(of, np.rint(fits.epoch[real] / step).astype(np.int64))
     true = dict(zip(real, zip(then, truth(of, np.full(of.size, last)), strict=True), strict=True))
-    for k, (main, right) in enumerate(owners):
+    for k, (main, right, _) in enumerate(owners):
         own = orbits.detections(k)
         error = nees = now_km = now_nees = np.nan
         covariance = orbits.fits.covariance[k]
@@ -194,10 +195,15 @@ def orbit_table(
     )
 
 
-def _owner(origin: Indices) -> tuple[int, int]:
-    """The object, or `FALSE_ALARM`, that most detections of an orbit are of, and their number."""
+def _owner(origin: Indices) -> tuple[int, int, bool]:
+    """The object, or `FALSE_ALARM`, that most detections of an orbit are of, their number, and
+    whether there is one such object."""
     names, counts = np.unique(origin, return_counts=True)
-    return int(names[np.argmax(counts)]), int(counts.max())
+    return (
+        int(names[np.argmax(counts)]),
+        int(counts.max()),
+        np.count_nonzero(counts == counts.max()) == 1,
+    )
 
 
 def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) -> Indices:

@@ -12,6 +12,7 @@ from cislunar.orbit_determination import (
     AdmissibleRegion,
     attributables,
     attribution,
+    exposure_numbers,
     fit_orbits,
     form_tracklets,
 )
@@ -38,7 +39,8 @@ def test_an_orbit_takes_ever_more_tracklets_at_once(intruder, monkeypatch):
     start = fit_orbits(angles, [rows], OBJECTS[:1], 0.0)
     found = attribution.extend_orbits(
         angles, tracklets, OrbitHypotheses(start, ((0, 1, 2),)),
-        np.ones(tracklets.time.size, dtype=bool), forces=EARTH_MOON, spans_h=(3.0, 24.0),
+        np.ones(tracklets.time.size, dtype=bool), exposure_numbers(angles), forces=EARTH_MOON,
+        spans_h=(3.0, 24.0),
         gate_probability=0.9999, significance=1e-6,
     )  # fmt: skip
     assert max(np.diff([rows.size, *sizes])) > 2 * 4

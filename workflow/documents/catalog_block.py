@@ -51,8 +51,8 @@ _COLUMNS = {
                terms="A duplicate is an additional confirmed orbit of an object that has a right "
                "orbit."),
         Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
-               terms="A wrong orbit is confirmed and has a larger error, or most of its "
-               "detections are false alarms."),
+               terms="A wrong orbit is confirmed and has a larger error, or no object has more of "
+               "its detections than any other object or than false alarms."),
         Column("Purity (%)", "purity", ".2f", 100.0,
                terms="Purity is the share of the detections in confirmed orbits that are of the "
                "object of the orbit."),

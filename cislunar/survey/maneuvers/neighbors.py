@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -28,6 +29,7 @@ from cislunar.orbit_determination import (
     OrbitFits,
     agrees,
     concatenate_fits,
+    exposure_numbers,
     propagated,
 )
 from cislunar.runtime import Array, Indices
@@ -39,8 +41,9 @@ are divided anew."""
 _GATE = float(chdtri(2, 1e-6))
 """Of an offset: a detection beyond it is of none of the orbits."""
 
-_ROUNDS, _LEAST_ROWS = 5, 6
-"""Largest number of divisions, and least number of detections of an orbit."""
+_ROUNDS, _LEAST_ROWS, _LEAST_KEPT = 5, 6, 0.5
+"""Largest number of divisions; least number of detections of an orbit, and share of its former ones
+that it keeps, below which all belong to others."""
 
 
 class NeighborFits(NamedTuple):
@@ -81,29 +84,45 @@ def divided_neighbors(
         Each fit is at the time of its last detection. An orbit that would not agree with its new
         detections keeps those that it has, which no other orbit takes.
     """
-    key = np.stack([angles.time, angles.observer])
-    exposure = np.unique(key, axis=1, return_inverse=True)[1].ravel()
+    exposure = exposure_numbers(angles)
     changed: list[int] = []
     empty: list[int] = []
     parts: list[OrbitFits] = []
     for group in _groups(fits, angles, exposure):
-        members, kept = group, np.empty(0, dtype=np.int64)
-        while members.size > 1:
+        members, every = group, np.unique(fits.take(group).row)
+        kept = np.empty(0, dtype=np.int64)
+        while members.size:
             begin = fits.take(members)
-            pool = np.setdiff1d(np.unique(begin.row), fits.take(kept).row)
+            pool = np.setdiff1d(every, fits.take(kept).row)
             found = _divided(begin, angles, exposure, pool, fit, forces)
-            none = np.diff(found.begin) < _LEAST_ROWS
-            worse = ~none & ~agrees(found, significance)
-            if not np.any(worse):
-                empty += members[none].tolist()
-                changed += members[~none].tolist()
-                parts.append(found.take(np.flatnonzero(~none)))
+            weak = _weak(begin, found)
+            if np.any(weak):
+                empty += members[weak].tolist()
+                members = members[~weak]
+                continue
+            good = agrees(found, significance)
+            if np.all(good):
+                changed += members.tolist()
+                parts.append(found)
                 break
-            kept, members = np.append(kept, members[worse]), members[~worse]
+            kept, members = np.append(kept, members[~good]), members[good]
     return NeighborFits(
         np.array(changed, dtype=np.int64), concatenate_fits(parts, fits),
         np.array(empty, dtype=np.int64),
     )  # fmt: skip
+
+
+def _weak(before: OrbitFits, after: OrbitFits) -> NDArray[np.bool_]:
+    """Orbits with too few detections, and the one that has kept the least share of its detections
+    if that is less than half."""
+    n = before.epoch.size
+    share = np.array([
+        np.isin(before.detections(k), after.detections(k)).mean() for k in range(n)
+    ])  # fmt: skip
+    weak = np.diff(after.begin) < _LEAST_ROWS
+    least = int(np.argmin(share))
+    weak[least] |= share[least] < _LEAST_KEPT
+    return weak
 
 
 def _groups(fits: OrbitFits, angles: Angles, exposure: Indices) -> list[Indices]:
