@@ -51,8 +51,8 @@ class CatalogState(NamedTuple):
         Objects in the truth, those with a detection, and those with enough tracklets.
     confirmed, right, wrong, false, duplicate : int
         Confirmed orbits; those of one object with a small error, one for each object; those of an
-        object with a large error, or of several with equally many detections; those most of whose detections are false alarms; further orbits
-        of an object that has a right one.
+        object with a large error, or of several with equally many detections; those most of whose
+        detections are false alarms; further orbits of an object that has a right one.
     candidates : int
         Orbits that are not confirmed.
     linked : int
