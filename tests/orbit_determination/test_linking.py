@@ -11,9 +11,11 @@ from cislunar.orbit_determination import (
     DIRECTION_ONLY,
     ORBIT,
     SEVERAL_ORBITS,
+    AdmissibleRegion,
     Angles,
     LinkingSettings,
     attributables,
+    exposure_numbers,
     fit_orbits,
     form_tracklets,
     link,
@@ -22,6 +24,7 @@ from cislunar.orbit_determination import (
 from cislunar.orbit_determination.attribution import OrbitHypotheses
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
 from cislunar.orbit_determination.least_squares import SINGULAR
+from cislunar.orbit_determination.scores import log_scores
 
 
 def linked(angles, **given):
@@ -50,6 +53,23 @@ def test_objects_among_false_alarms_are_linked_and_confirmed():
     again = linked(angles)
     np.testing.assert_array_equal(again.fits.state, found.fits.state)
     np.testing.assert_array_equal(again.log_ratio, found.log_ratio)
+
+
+def test_an_orbit_has_one_detection_in_an_exposure_at_most():
+    """Each detection twice, as of two objects that no telescope separates."""
+    single, _ = night(OBJECTS[:1], [0.0, 2.0, 5.0], 0.0, 1)
+    angles = single.rows(np.repeat(np.arange(single.time.size), 2))
+    exposure = exposure_numbers(angles)
+    assert np.unique(exposure).size == single.time.size
+    found = linked(angles)
+    assert found.log_ratio.size >= 1 and found.confirmed[0]
+    for k in range(found.log_ratio.size):
+        own = exposure[found.detections(k)]
+        assert np.unique(own).size == own.size
+    rows = np.arange(0, angles.time.size, 2)
+    fits = fit_orbits(angles, [rows, np.append(rows, 1)], np.tile(OBJECTS[0], (2, 1)), 0.0)
+    score = log_scores(fits, angles, AdmissibleRegion(), LinkingSettings(), LOG_CLUTTER)
+    assert np.isfinite(score[0]) and score[1] == -np.inf
 
 
 def test_false_alarms_alone_give_no_confirmed_orbit():

@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from maneuvered_arcs import STEP, arcs, linked
 
 from cislunar.detection import FALSE_ALARM
-from cislunar.survey import ORBIT_COLUMNS, catalog_state
+from cislunar.survey import ORBIT_COLUMNS, catalog_state, orbit_table
 from cislunar.survey.settings import QualitySettings
 
 
@@ -50,3 +51,32 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     assert found.error_known_km == pytest.approx((5.0 * 40.0 * 500.0 * 500.0) ** 0.25)
     unknown = catalog_state(table, origin, np.zeros(6, dtype=int), QualitySettings())
     assert np.isnan(unknown.error_known_km)
+
+
+def test_an_orbit_of_several_objects_with_equally_many_detections_is_wrong():
+    angles, fits, truth = arcs((0.3, -0.2, 0.5))
+    fits = fits.take([0, 1])
+    origin = np.full(angles.time.size, FALSE_ALARM)
+    first, second = fits.detections(0), fits.detections(1)
+    origin[first], origin[second] = 0, 1
+    half = second[: second.size // 2]
+    origin[half] = 2
+    last = round(float(fits.epoch[1]) / STEP)
+    states = np.array([truth[0], truth[1], truth[1]])
+
+    def quality():
+        table = orbit_table(
+            linked(fits, [True, True]),
+            angles,
+            origin,
+            lambda of, index: states[of],
+            last,
+            STEP,
+            0.1,
+        )
+        return catalog_state(table, origin, np.full(3, 3), QualitySettings())
+
+    # 20 and 19 of 39 detections
+    assert second.size % 2 == 1 and (quality().right, quality().wrong) == (2, 0)
+    origin[second[-1]] = FALSE_ALARM
+    assert (quality().right, quality().wrong) == (1, 1)

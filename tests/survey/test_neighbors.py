@@ -19,7 +19,7 @@ from cislunar.survey.maneuvers import (
     duplicate_orbits,
     orbit_paths,
 )
-from cislunar.survey.maneuvers.neighbors import _assigned
+from cislunar.survey.maneuvers.neighbors import _assigned, _weak
 
 MINUTES, OBSERVERS = np.arange(0, 241, 10), range(4)
 FIT = partial(fit_orbits, forces=EARTH_MOON)
@@ -163,3 +163,16 @@ def test_objects_that_were_deployed_together_are_several(group):
     paths = orbit_paths(fits, 0.0, MINUTES[-1] * STEP, forces=EARTH_MOON)
     found = duplicate_orbits(fits, angles, np.arange(3), paths, watch(angles), 0.99)
     assert found.size == 0
+
+
+def test_an_orbit_without_most_of_its_detections_is_weak(group):
+    angles, owner, truth = group
+    rows = [np.flatnonzero(owner == k) for k in range(3)]
+    before = fitted(angles, rows, truth)
+    after = [rows[0], rows[1][: rows[1].size // 2 - 1], rows[2][: rows[2].size // 2]]
+    assert _weak(before, fitted(angles, after, truth)).tolist() == [False, True, False]
+    # of several, the one with the least share, and those with too few detections
+    after = [rows[0][:5], rows[1][:10], rows[2][:12]]
+    assert _weak(before, fitted(angles, after, truth)).tolist() == [True, False, False]
+    after = [rows[0], rows[1][:10], rows[2][:12]]
+    assert _weak(before, fitted(angles, after, truth)).tolist() == [False, True, False]
