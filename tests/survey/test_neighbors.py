@@ -5,18 +5,30 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from maneuvered_arcs import PROBLEM, SIGMA, STEP, moved
+from maneuvered_arcs import PROBLEM, SIGMA, STEP, linked, moved
 
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import DetectionProcess
 from cislunar.dynamics import EARTH_MOON
 from cislunar.observation import Sensor, sensor_limits
-from cislunar.orbit_determination import concatenate_fits, fit_orbits, make_angles, propagated
+from cislunar.orbit_determination import (
+    AdmissibleRegion,
+    LinkingSettings,
+    concatenate_fits,
+    fit_orbits,
+    make_angles,
+    propagated,
+)
+from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import (
+    CURRENT,
+    SUPERSEDED,
     FieldHistory,
     Watch,
     divided_neighbors,
     duplicate_orbits,
+    maneuvered_orbits,
+    neighbors,
     orbit_paths,
 )
 from cislunar.survey.maneuvers.neighbors import _assigned, _weak
@@ -176,3 +188,42 @@ def test_an_orbit_without_most_of_its_detections_is_weak(group):
     assert _weak(before, fitted(angles, after, truth)).tolist() == [True, False, False]
     after = [rows[0], rows[1][:10], rows[2][:12]]
     assert _weak(before, fitted(angles, after, truth)).tolist() == [False, True, False]
+
+
+def test_a_candidate_that_takes_the_detections_of_a_confirmed_orbit_is_confirmed(group):
+    angles, owner, truth = group
+    first, second = (np.flatnonzero(owner == k) for k in (0, 1))
+    parts = [first[::9], np.setdiff1d(first, first[::9]), second]
+    fits = fitted(angles, parts, truth[[0, 0, 1]])
+    found = maneuvered_orbits(
+        linked(fits, [True, False, True]), angles, forces=EARTH_MOON, region=AdmissibleRegion(),
+        linking=LinkingSettings(), settings=LineageSettings(maneuvers_per_day=0.1),
+    )  # fmt: skip
+    assert found.status == (SUPERSEDED, CURRENT, CURRENT)
+    assert found.orbits.confirmed.tolist() == [False, True, True]
+    assert found.orbits.detections(1).size >= 0.98 * first.size
+
+
+def test_a_short_orbit_keeps_its_own_detections(group):
+    angles, owner, truth = group
+    rows = [np.flatnonzero(owner == k) for k in (0, 1)]
+    fits = fitted(angles, [rows[0], rows[1][::20]], truth[:2])
+    assert fits.detections(1).size == 5
+    found = divided_neighbors(fits, angles, 1e-3, partial(FIT, angles), EARTH_MOON)
+    assert found.changed.size == found.empty.size == 0
+
+
+def test_an_orbit_that_meets_a_body_elsewhere_keeps_its_detections(group, monkeypatch):
+    angles, owner, truth = group
+    rows = [np.flatnonzero(owner == k) for k in (0, 1)]
+    early = rows[1][angles.time[rows[1]] < 0.5 * MINUTES[-1] * STEP]
+    fits = fitted(angles, [rows[0], early], truth[:2])
+
+    def met(state, epoch, time, forces):
+        path, transition = propagated(state, epoch, time, forces)
+        path[1:] = np.nan
+        return path, transition
+
+    monkeypatch.setattr(neighbors, "propagated", met)
+    found = divided_neighbors(fits, angles, 1e-3, partial(FIT, angles), EARTH_MOON)
+    assert 1 not in found.changed and found.empty.size == 0

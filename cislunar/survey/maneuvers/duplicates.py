@@ -3,9 +3,10 @@
 After a maneuver an object may have several orbits that each take some of its detections, and none
 of which agrees with all of them. An exposure has one detection of an object at most. Two orbits
 that never have a detection in the same exposure, although one of them would have been detected in
-the exposures of the other, are therefore of one object. With the probability m that none of the
-exposures of either orbit's detections detected the other (`cislunar.survey.maneuvers.log_missed`),
-and without a preference for one or two objects, the probability of one object is 1 / (1 + m).
+the exposures of the other, are therefore of one object. Let m be the probability that none of the
+exposures with detections of an orbit detected the other one, the smaller of the two
+(`cislunar.survey.maneuvers.log_missed`). Without a preference for one or two objects, the
+probability of one object is 1 / (1 + m).
 
 Objects that were deployed together are next to each other as well, but have detections in the same
 exposures.
@@ -20,8 +21,8 @@ from cislunar.survey.maneuvers.lineage import OrbitPaths
 from cislunar.survey.maneuvers.misses import Watch, log_missed
 
 _NEAR, _SIGMAS = 5e-4, 3.0
-"""Orbits are compared whose distance at the last time is at most this, nondimensional, plus this
-number of their standard deviations."""
+"""Orbits are compared whose distance, at the last time and at the last detection of either, is at
+most this, nondimensional, plus this number of their standard deviations."""
 
 _SOONER_H = 1.0
 """The orbit whose last detection is later by more than this is kept, or the one with more
@@ -59,14 +60,20 @@ def duplicate_orbits(
     """
     index = np.rint(angles.time / watch.scene.step).astype(np.int64)
     key = index * watch.limits.half_field.size + angles.observer
-    position = paths.state[which, -1, :3]
-    sigma = np.sqrt(np.trace(paths.covariance[which, -1], axis1=1, axis2=2))
+    position, step = paths.state[which, :, :3], paths.time[1] - paths.time[0]
+    sigma = np.sqrt(np.trace(paths.covariance[which], axis1=2, axis2=3))
+    last = angles.time[fits.row[fits.begin[which + 1] - 1]]
+    at = np.rint((last - paths.time[0]) / step).astype(np.int64)
     longer = _SOONER_H * 3600.0 / TIME_UNIT_S / watch.scene.step
     dropped: set[int] = set()
     for i in range(which.size - 1):
-        apart = np.linalg.norm(position[i + 1 :] - position[i], axis=1)
-        near = np.flatnonzero(apart <= _NEAR + _SIGMAS * (sigma[i + 1 :] + sigma[i]))
-        for j in (i + 1 + near).tolist():
+        others = np.arange(i + 1, which.size)
+        near = np.ones(others.size, dtype=bool)
+        # at the last time, and at the last detection of either orbit
+        for k in (-1, at[i], at[others]):
+            apart = np.linalg.norm(position[others, k] - position[i, k], axis=1)
+            near &= apart <= _NEAR + _SIGMAS * (sigma[others, k] + sigma[i, k])
+        for j in others[near].tolist():
             pair = int(which[i]), int(which[j])
             rows = [fits.detections(k) for k in pair]
             if dropped & set(pair) or np.intersect1d(*(key[each] for each in rows)).size:
@@ -75,9 +82,10 @@ def duplicate_orbits(
             for own, other in zip(pair, rows[::-1], strict=True):
                 begin = angles.time[fits.row[fits.begin[[own]]]]
                 where = _exposures_of(angles, index, other, watch)
-                missed += log_missed(
+                value = log_missed(
                     fits, angles, np.array([own]), paths, where, since=begin, of_others=other
                 )[0]
+                missed = min(missed, value)
             if 1.0 / (1.0 + np.exp(missed)) < least_probability:
                 continue
             later = int(index[rows[0][-1]] - index[rows[1][-1]])

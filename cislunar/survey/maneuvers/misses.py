@@ -1,9 +1,10 @@
 """Exposures that would have detected a known orbit's object, had it been where it is predicted.
 
-For each exposure after the last detection of an orbit, in whose field the predicted direction lies
-with three standard deviations of margin, the probability p of a detection follows from the size and
-the scatter that the orbit's own magnitudes imply. It is zero in the umbra of Earth and Moon, and if
-there is a detection next to the predicted direction, whether it has been linked or not. Brightness
+For each exposure after the last detection of an orbit, or after another time, in whose field the
+predicted direction lies with three standard deviations of margin, the probability p of a detection
+follows from the size and the scatter that the orbit's own magnitudes imply. It is zero in the umbra
+of Earth and Moon, and if there is a detection next to the predicted direction, whether it has been
+linked or not, unless this detection is known to be of another orbit. Brightness
 varies slowly: the visits of an observer within a block of time count as one, with the largest p,
 and the magnitude of a body may differ from that of its sphere by the same d in all of them. Toward
 an observer o a body may moreover be dark for hours, with the probability e. The probability of no

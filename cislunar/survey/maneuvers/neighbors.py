@@ -1,16 +1,22 @@
-"""Division of detections between the orbits of objects next to each other.
+"""Assignment of detections to the orbits of objects next to each other.
 
 Objects that were deployed together are seconds to minutes of arc apart for hours. Linking may mix
 their tracklets, and a fit to detections of which some are of a neighbor still agrees with them. The
-detections of such orbits are therefore divided anew. In each exposure, a detection belongs to one
-orbit, and an orbit has one detection, at most; the division minimizes
+detections of such orbits are therefore reassigned. In each exposure, a detection belongs to one
+orbit, and an orbit has one detection, at most. Of the assignments of as many detections as possible
+within the gates of the predictions, that of the least sum
 
-    sum of  nu' S^-1 nu + ln |S| - 2 ln n_k,                                                  (1)
+    sum of  nu' S^-1 nu + ln |S| - 2 ln n_k                                                     (1)
 
-with the offset nu of a detection from the prediction of orbit k, its covariance S, and the number
-n_k of detections of the orbit (Jonker & Volgenant 1987, Computing 38, 325). All orbits are then
-fitted again, until the division no longer changes. Two orbits of one object do not remain equally
-strong, because of n_k.
+is taken (rectangular linear assignment: Jonker & Volgenant 1987, Computing 38, 325), with the
+offset nu of a detection from the prediction of orbit k, the sum S of the covariances of both, and
+the number n_k of detections of the orbit. All orbits are then fitted again, five times at most. The
+term in n_k lets the orbit with more detections absorb a second orbit of the same object.
+
+Assumptions and limitations
+---------------------------
+- S neglects that an orbit has been fitted to its own detections, so that an orbit of few detections
+  rather keeps them.
 """
 
 from collections.abc import Callable
@@ -34,22 +40,22 @@ from cislunar.orbit_determination import (
 )
 from cislunar.runtime import Array, Indices
 
-_NEXT, _LEAST_SHARED = np.deg2rad(0.1), 3
-"""Distance of two detections in one exposure, and number of such pairs, from which on their orbits
-are divided anew."""
+_NEXT, _LEAST_SHARED = np.deg2rad(0.03), 3
+"""Largest separation of two detections in one exposure, and least number of such pairs, for which
+the detections of their orbits are reassigned."""
 
 _GATE = float(chdtri(2, 1e-6))
-"""Of an offset: a detection beyond it is of none of the orbits."""
+"""Largest squared normalized offset of a detection from an orbit."""
 
 _ROUNDS, _LEAST_ROWS, _LEAST_KEPT = 5, 6, 0.5
-"""Largest number of divisions; least number of detections of an orbit, and share of its former ones
-that it keeps, below which all belong to others."""
+"""Largest number of divisions; least number of detections of an orbit, and least share of its
+former ones, without which all are those of others."""
 
 
 class NeighborFits(NamedTuple):
-    """Orbits next to each other with their detections divided anew: indices `changed` (n,) of the
-    orbits whose fits are others, these `fits`, and indices `empty` (m,) of the orbits whose
-    detections belong to others."""
+    """Orbits next to each other with reassigned detections: indices `changed` (n,) of the orbits
+    with new detections, their `fits`, and indices `empty` (m,) of the orbits whose detections
+    belong to others."""
 
     changed: Indices
     fits: OrbitFits
@@ -63,7 +69,7 @@ def divided_neighbors(
     fit: Callable[[list[Indices], Array, Array], OrbitFits],
     forces: tuple,
 ) -> NeighborFits:
-    """Divide the detections of orbits next to each other anew.
+    """Reassign the detections of orbits next to each other.
 
     Parameters
     ----------
@@ -89,27 +95,42 @@ def divided_neighbors(
     empty: list[int] = []
     parts: list[OrbitFits] = []
     for group in _groups(fits, angles, exposure):
-        members, every = group, np.unique(fits.take(group).row)
-        kept = np.empty(0, dtype=np.int64)
+        every = np.unique(fits.take(group).row)
+        # an orbit that meets a body before or after its own detections keeps them
+        path, _ = propagated(
+            fits.state[group], fits.epoch[group], np.unique(angles.time[every]), forces
+        )
+        usable = np.isfinite(path).all(axis=(1, 2))
+        members, kept = group[usable], group[~usable]
         while members.size:
-            begin = fits.take(members)
+            before = fits.take(members)
             pool = np.setdiff1d(every, fits.take(kept).row)
-            found = _divided(begin, angles, exposure, pool, fit, forces)
-            weak = _weak(begin, found)
+            found = _divided(before, angles, exposure, pool, fit, forces)
+            good = agrees(found, significance) | (np.diff(found.begin) < _least_rows(before))
+            if not np.all(good):
+                kept, members = np.append(kept, members[~good]), members[good]
+                continue
+            weak = _weak(before, found)
             if np.any(weak):
                 empty += members[weak].tolist()
                 members = members[~weak]
                 continue
-            good = agrees(found, significance)
-            if np.all(good):
-                changed += members.tolist()
-                parts.append(found)
-                break
-            kept, members = np.append(kept, members[~good]), members[good]
+            other = [
+                k for k in range(members.size)
+                if not np.array_equal(before.detections(k), found.detections(k))
+            ]  # fmt: skip
+            changed += members[other].tolist()
+            parts.append(found.take(other))
+            break
     return NeighborFits(
         np.array(changed, dtype=np.int64), concatenate_fits(parts, fits),
         np.array(empty, dtype=np.int64),
     )  # fmt: skip
+
+
+def _least_rows(before: OrbitFits) -> Indices:
+    """Least numbers of detections (orbit,) that orbits need."""
+    return np.minimum(_LEAST_ROWS, np.diff(before.begin))
 
 
 def _weak(before: OrbitFits, after: OrbitFits) -> NDArray[np.bool_]:
@@ -119,7 +140,7 @@ def _weak(before: OrbitFits, after: OrbitFits) -> NDArray[np.bool_]:
     share = np.array([
         np.isin(before.detections(k), after.detections(k)).mean() for k in range(n)
     ])  # fmt: skip
-    weak = np.diff(after.begin) < _LEAST_ROWS
+    weak = np.diff(after.begin) < _least_rows(before)
     least = int(np.argmin(share))
     weak[least] |= share[least] < _LEAST_KEPT
     return weak
@@ -161,12 +182,14 @@ def _divided(
 ) -> OrbitFits:
     """Fits to the division of a pool of detections, with those of too few as they are assigned."""
     n, own = fits.epoch.size, [fits.detections(k) for k in range(fits.epoch.size)]
+    least = _least_rows(fits)
     for _ in range(_ROUNDS):
         owner = _assigned(fits, angles, exposure, pool, forces)
         before, own = own, [pool[owner == k] for k in range(n)]
         if all(np.array_equal(*each) for each in zip(before, own, strict=True)):
             break
-        enough = [k for k in range(n) if own[k].size >= _LEAST_ROWS]
+        other = [k for k in range(n) if not np.array_equal(own[k], before[k])]
+        enough = [k for k in other if own[k].size >= least[k]]
         parts = {k: fits.take([k]) for k in range(n)}
         last = [float(angles.time[own[k][-1]]) for k in enough]
         starts = [
@@ -175,7 +198,7 @@ def _divided(
         ]
         again = fit([own[k] for k in enough], np.array(starts).reshape(-1, 6), np.array(last))
         parts |= {k: again.take([i]) for i, k in enumerate(enough)}
-        for k in set(range(n)) - set(enough):
+        for k in sorted(set(other) - set(enough)):
             unknown = np.full((own[k].size, 3), np.nan)
             parts[k] = parts[k]._replace(
                 begin=np.array([0, own[k].size]), row=own[k], position=unknown

@@ -80,7 +80,7 @@ def maneuvered_orbits(
     radiation_sigma, remaining
         See `cislunar.survey.maneuvers.maneuvers_within`.
     watch : Watch, optional
-        Without it no orbit is lost.
+        Without it no orbit is lost or recognized as a further one of its object.
     fit : callable
         Fits orbits, as `cislunar.orbit_determination.fit_orbits`, which is the default.
 
@@ -93,11 +93,18 @@ def maneuvered_orbits(
     own = np.flatnonzero(single & (linked.confirmed | (linked.log_ratio >= least)))
     status = np.full(linked.log_ratio.size, CURRENT, dtype=object)
     significance, refit = linking.verdict.significance, partial(fit, angles, forces=forces)
-    near = divided_neighbors(linked.fits.take(own), angles, significance, refit, forces)
-    alone = replaced(linked.fits.take(own), near.changed, near.fits)
+    candidates, sure = linked.fits.take(own), linked.confirmed[own].copy()
+    near = divided_neighbors(candidates, angles, significance, refit, forces)
+    # the orbit that takes most detections of a confirmed one is confirmed in its place
+    taker = np.repeat(near.changed, np.diff(near.fits.begin))
+    for k in near.empty[sure[near.empty]].tolist():
+        heirs = taker[np.isin(near.fits.row, candidates.detections(k))]
+        if heirs.size:
+            sure[np.bincount(heirs).argmax()] = True
+    alone = replaced(candidates, near.changed, near.fits)
     status[own[near.empty]] = SUPERSEDED
-    own, alone = np.delete(own, near.empty), alone.take(np.delete(np.arange(own.size), near.empty))
-    sure = linked.confirmed[own].copy()
+    left = np.delete(np.arange(own.size), near.empty)
+    own, alone, sure = own[left], alone.take(left), sure[left]
     inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma,
               "remaining": remaining}  # fmt: skip
     fits, within = maneuvers_within(alone, angles, **inside)

@@ -24,8 +24,8 @@ Assumptions and limitations
 - A maneuver is an impulse.
 - Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
   them.
-- Predictions after the epoch have the assumed radiation pressure, and the prior variance of its
-  factor (`cislunar.orbit_determination.orbits_at`).
+- Predictions by `cislunar.orbit_determination.orbits_at` have the assumed radiation pressure, and
+  the prior variance of its factor, which those of `cislunar.survey.maneuvers.orbit_paths` lack.
 """
 
 import numpy as np
