@@ -6,9 +6,9 @@ squares with their detections of the last days. An orbit that no longer agrees w
 is dissolved, and its detections of the last hours are linked anew, which also re-acquires lost
 objects.
 
-If objects may maneuver, an orbit that is followed by another one of the same object, and an orbit
-whose object is not where it is predicted, are neither confirmed nor predicted any more
-(`cislunar.survey.maneuvers`).
+If objects may maneuver, an orbit that is followed by or a duplicate of another one of the same
+object, an orbit whose detections belong to others, and an orbit whose object is not where it is
+predicted are neither confirmed nor predicted any more (`cislunar.survey.maneuvers`).
 """
 
 from typing import Any, NamedTuple

@@ -109,8 +109,8 @@ class LineageSettings(Section):
     longest_gap_h: Positive = setting(
         "longest time without a detection in which a maneuver is sought", "h", default=48)
     least_probability: number(gt=0.5, lt=1) = setting(
-        "probability from which on two orbits are of one object before and after a maneuver, and "
-        "an orbit is lost", "1", default=0.99)
+        "probability from which on two orbits are of one object, before and after a maneuver or "
+        "at one time, and an orbit is lost", "1", default=0.99)
 
     # fmt: on
 
