@@ -127,7 +127,11 @@ def test_duplicates_are_orbits_whose_states_agree(apart_km, monkeypatch):
     speed = np.linalg.norm(OBJECTS[0, 3:])
     later = propagate(OBJECTS[0], [apart_km / LENGTH_UNIT_KM / speed], method="dop853")[0]
     twins = np.array([OBJECTS[0], later])
-    angles, origin = night(twins, [0.0, 2.0, 5.0], 0.0, 12)
+    # in different exposures, since one object has one detection in an exposure
+    hours = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0])
+    angles, origin = night(twins, hours, 0.0, 12)
+    own = np.searchsorted(hours, angles.time / HOUR, side="right") % 2 == origin
+    angles, origin = angles.rows(own), origin[own]
     found = two_hypotheses(angles, (origin == 0, origin == 1), twins)
     chosen = linking._without_duplicates(found, [0, 1])
     a, b = found.fits[:2]
