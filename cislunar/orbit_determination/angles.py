@@ -84,9 +84,7 @@ class Angles(NamedTuple):
 def exposure_numbers(angles: Angles) -> Indices:
     """Numbers (row,) of the exposures of detections: equal for equal times and observers."""
     order = np.lexsort((angles.observer, angles.time))
-    changes = np.diff(angles.time[order]).astype(bool) | np.diff(angles.observer[order]).astype(
-        bool
-    )
+    changes = np.any([np.diff(each[order]) != 0 for each in (angles.time, angles.observer)], axis=0)
     out = np.zeros(order.size, dtype=np.int64)
     out[order[1:]] = np.cumsum(changes)
     return out

@@ -81,7 +81,7 @@ def duplicate_orbits(
             missed = 0.0
             for own, other in zip(pair, rows[::-1], strict=True):
                 begin = angles.time[fits.row[fits.begin[[own]]]]
-                where = _exposures_of(angles, index, other, watch)
+                where = _exposures_of(key[other], watch)
                 value = log_missed(
                     fits, angles, np.array([own]), paths, where, since=begin, of_others=other
                 )[0]
@@ -95,9 +95,9 @@ def duplicate_orbits(
     return np.array(sorted(dropped), dtype=np.int64)
 
 
-def _exposures_of(angles: Angles, index: Indices, rows: Indices, watch: Watch) -> Watch:
-    """The exposures of some detections, which are those that are next to them in direction."""
-    fields, observers = watch.fields, watch.limits.half_field.size
-    of = fields.index * observers + fields.observer
-    chosen = np.flatnonzero(np.isin(of, index[rows] * observers + angles.observer[rows]))
+def _exposures_of(key: Indices, watch: Watch) -> Watch:
+    """The exposures of detections with these numbers of times and observers."""
+    fields = watch.fields
+    of = fields.index * watch.limits.half_field.size + fields.observer
+    chosen = np.flatnonzero(np.isin(of, key))
     return watch._replace(fields=type(fields)(*(each[chosen] for each in fields)))
