@@ -14,6 +14,7 @@ from cislunar.observation.measurement import measure
 from cislunar.observation.records import Schedule
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, sensors_of
+from cislunar.observation.sightline import wrapped
 from cislunar.runtime.arguments import Array
 from cislunar.runtime.progress import Progress
 from cislunar.study.messages import check_seed
@@ -148,7 +149,7 @@ def _residuals(
         origin=start + 1,
     )
     apart = rows.value - expected.value
-    apart[:, 1] = (apart[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    apart[:, 1] = wrapped(apart[:, 1])
     apart[:, 1] *= np.cos(expected.value[:, 2])
     return apart
 

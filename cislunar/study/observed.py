@@ -28,7 +28,7 @@ from cislunar.exchange.observations import OBJECT_NAMES, REQUIRED, checked, obje
 from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
-from cislunar.observation.sightline import angles_of_vectors
+from cislunar.observation.sightline import angles_of_vectors, wrapped
 from cislunar.runtime.arguments import Array
 
 Indices = NDArray[np.int64]
@@ -184,7 +184,7 @@ def reduce_interval(
     )
     value = observed.value[rows].copy()
     value[:, 1:] += on_grid - apart
-    value[:, 1] = (value[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    value[:, 1] = wrapped(value[:, 1])
     variance = observed.sigma[rows] ** 2
     found, order = arranged(target, step - 1, observer, value, variance, path.shape[0], n_steps)
     return Reduced(found, rows[order])

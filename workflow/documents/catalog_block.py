@@ -41,18 +41,18 @@ _COLUMNS = {
         Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
                100.0),
         Column("Right orbits", "right", ".0f",
-               terms="A right orbit is confirmed and within 500 km of the object of most of its "
-               "detections at the last of them."),
+               terms="A confirmed orbit belongs to the object with more of its detections than any "
+               "other object and than false alarms. It is right if its position error at its "
+               "last detection is at most 500 km. The number of right orbits is that of the "
+               "objects with such an orbit."),
         Column("Right orbits, difference to the survey of the first row", "right_difference",
                "+.0f",
                terms="The difference is that of the same realizations, if both surveys have the "
                "same objects."),
         Column("Duplicates", "duplicate", ".1f",
-               terms="A duplicate is an additional confirmed orbit of an object that has a right "
-               "orbit."),
+               terms="A duplicate is a further right orbit of an object."),
         Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
-               terms="A wrong orbit is confirmed and has a larger error, or no object has more of "
-               "its detections than any other object or than false alarms."),
+               terms="A wrong orbit is confirmed, and has a larger error or belongs to no object."),
         Column("Purity (%)", "purity", ".2f", 100.0,
                terms="Purity is the share of the detections in confirmed orbits that are of the "
                "object of the orbit."),
@@ -70,7 +70,8 @@ _COLUMNS = {
                "that stops searching."),
         Column("Hours to catalog", "hours_to_catalog", ".1f",
                terms="Hours to catalog are the median time from the first detection of an object "
-               "to its confirmed orbit."),
+               "to the run of linking since which it has had a right orbit; objects without a "
+               "right orbit at the end are left out."),
     ),
     "consistency": (
         Column("NEES", "nees", ".3g",

@@ -68,9 +68,12 @@ def _wrapped(text: str) -> str:
 
 def _verdicts(tables: Tables) -> dict[str, Any]:
     """How many claims of the paper got which verdict."""
-    counts = tables["paper_vs_ours"]["verdict"].value_counts()
+    claims = tables["paper_vs_ours"].fillna("")
+    counts = claims["verdict"].value_counts()
+    predicted = claims["rule"].str.contains("prediction interval")
     return {"counts": {verdict: counts.get(verdict, 0) for verdict in VERDICTS},
-            "total": counts.reindex(COULD_FAIL, fill_value=0).sum()}  # fmt: skip
+            "total": counts.reindex(COULD_FAIL, fill_value=0).sum(),
+            "predicted": (predicted & (claims["verdict"] == COULD_FAIL[0])).sum()}  # fmt: skip
 
 
 def _results(tables: Tables) -> dict[str, Any]:
