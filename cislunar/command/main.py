@@ -11,6 +11,7 @@ from cislunar.command.orbits import orbits
 from cislunar.command.propagate import propagate
 from cislunar.command.see import see
 from cislunar.command.study import study
+from cislunar.runtime.worker_client import use_common_instructions
 
 
 @click.group(cls=Group)
@@ -25,6 +26,7 @@ def cislunar() -> None:
       cislunar study my_study.yaml
       cislunar run --configfile config/quick.yaml
     """
+    use_common_instructions()
 
 
 _COMMANDS = orbits, propagate, see, study, benchmark, run, resume, verify, report, export, docs

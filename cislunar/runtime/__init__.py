@@ -18,6 +18,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "settings_words": ["allowed", "faults", "inner", "pattern", "schema_of", "shown", "types",
         "unreadable"],
     "threads": ["allow_threads", "share_out"],
-    "worker_client": ["in_worker", "offer_worker"],
+    "worker_client": ["in_worker", "offer_worker", "use_common_instructions"],
 })
 # fmt: on

@@ -30,10 +30,32 @@ LONGEST_MESSAGE = 1 << 20
 # One thread for linear algebra, as in jobs, and because the worker forks.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")}
 
+_COMMON = {
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+}
+"""Settings with which OpenBLAS and NumPy use the instructions of the level x86-64-v3 and no others.
+Others change the last digits of results, and with these the plan of a survey."""
+
+
+def use_common_instructions() -> None:
+    """Let OpenBLAS and NumPy compute the same digits on all processors of the level x86-64-v3.
+
+    This has to precede the first import of NumPy. What the environment states already is kept."""
+    try:
+        words = set(Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0].split())
+    except OSError:
+        return
+    if {"avx2", "bmi2", "fma"} <= words:
+        for name, value in _COMMON.items():
+            os.environ.setdefault(name, value)
+
 
 def offer_worker(main: bool) -> None:
     """Offer a worker to the jobs of this process, if it is the `main` process of a run. Nothing is
-    started yet. There is no worker if the environment variable is set but empty."""
+    started yet. There is no worker if the environment variable is set but empty. All jobs use
+    common instructions."""
+    use_common_instructions()
     if os.environ.get(FOLDER) == "":
         return
     os.environ.pop(FOLDER, None)

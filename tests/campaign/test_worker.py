@@ -141,6 +141,8 @@ def test_without_a_worker_a_script_goes_on_by_itself(run):
 
 
 def test_only_the_main_process_of_a_run_offers_a_worker(monkeypatch):
+    for name in worker_client._COMMON:
+        monkeypatch.setenv(name, "of the user")
     monkeypatch.setenv(FOLDER, "of another run")
     worker_client.offer_worker(main=False)
     assert FOLDER not in os.environ
@@ -159,6 +161,28 @@ def test_every_script_begins_in_the_worker(path):
     imported, handed, *_ = body
     assert imported.module == worker_client.__name__
     assert handed.value.func.id == "in_worker"
+
+
+def test_numpy_and_openblas_use_common_instructions(monkeypatch):
+    names = [*worker_client._COMMON]
+    monkeypatch.setenv(names[0], "of the user")
+    monkeypatch.setenv(names[1], "")
+    monkeypatch.delenv(names[1])
+    worker_client.use_common_instructions()
+    if names[1] not in os.environ:
+        pytest.skip("this processor lacks the instructions of x86-64-v3")
+    assert os.environ[names[0]] == "of the user"
+    monkeypatch.delenv(names[0])
+    program = (
+        "from cislunar.runtime.worker_client import use_common_instructions as use; use();"
+        "import scipy.linalg; from numpy._core._multiarray_umath import __cpu_features__ as found;"
+        "from threadpoolctl import threadpool_info as info;"
+        "print(found['X86_V3'], found['X86_V4'],"
+        "*{each['architecture'] for each in info() if each['internal_api'] == 'openblas'})"
+    )
+    command = [sys.executable, "-W", "error", "-c", program]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert told.split() == ["True", "False", "Haswell"]
 
 
 def test_tracking_loads_neither_hyperopt_nor_matplotlib():

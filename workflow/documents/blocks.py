@@ -9,7 +9,14 @@ import pandas as pd
 from cislunar.campaign.readings.photometry import BRIGHTER, RANGE, RETURNED
 from cislunar.campaign.tracking.comparisons import certain
 
-from . import association_block, catalog_block, maneuver_block, objectives_block, real_block
+from . import (
+    association_block,
+    benchmark_block,
+    catalog_block,
+    maneuver_block,
+    objectives_block,
+    real_block,
+)
 from .columns import COLUMNS, Tables, by_cell, shown
 from .estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from .labels import ORBIT_LABELS, label
@@ -218,6 +225,7 @@ _MAKERS = {
     real_block.STUDY: real_block.REAL_BLOCKS,
     association_block.STUDY: association_block.ASSOCIATION_BLOCKS,
     maneuver_block.STUDY: maneuver_block.MANEUVER_BLOCKS,
+    benchmark_block.STUDY: benchmark_block.BENCHMARK_BLOCKS,
     **catalog_block.CATALOG_BLOCKS,
     **STUDY_BLOCKS,
 }

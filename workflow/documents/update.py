@@ -27,7 +27,14 @@ import pandas as pd
 from cislunar.errors import CislunarError, InputFileError
 from cislunar.runtime.netcdf import write_text
 
-from . import association_block, catalog_block, maneuver_block, objectives_block, real_block
+from . import (
+    association_block,
+    benchmark_block,
+    catalog_block,
+    maneuver_block,
+    objectives_block,
+    real_block,
+)
 from .blocks import BLOCKS, outdated_tables
 from .markdown import fill_blocks, generated_blocks
 from .results_page import STRIP, shown_quantities, verdicts_svg
@@ -50,7 +57,9 @@ TABLES = (
 """Tables of ``docs/tables``; the last is made of the benchmarks, the others by the campaign."""
 
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
-_STUDIES |= {each.STUDY: each.study_table for each in (real_block, objectives_block)}
+_STUDIES |= {
+    each.STUDY: each.study_table for each in (real_block, objectives_block, benchmark_block)
+}
 _STUDIES |= {
     name: partial(read_study, name, table=table)
     for name, table in (
