@@ -300,7 +300,9 @@ def exponents_table(table: pd.DataFrame) -> str:
         usual = along(table, estimator, "targets").set_index("targets").loc[USUAL["targets"]]
         cells = [f"{exponent(along(table, estimator, name), name):.2f}" for name in VARIED]
         rows.append([ESTIMATOR_NAMES[estimator], f"{usual['cpu_s']:.2f}", *cells])
-    return markdown_table(["estimator", "usual size, s", *NAMES.values()], rows)
+    size = "{targets} targets, {observers} observers, {hours} h".format(**USUAL)
+    exponents = [f"exponent of {name.partition(',')[0]}" for name in NAMES.values()]
+    return markdown_table(["estimator", f"{size}: processor time, s", *exponents], rows)
 
 
 def large_table(table: pd.DataFrame) -> str:
