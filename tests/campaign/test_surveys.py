@@ -233,6 +233,8 @@ def test_the_table_has_means_over_realizations(found):
     values = [each["detected"].item() for each in rows["usual"]]
     assert own.loc["detected", "mean"] == np.mean(values) and own.loc["detected", "seeds"] == 2
     assert own.loc["detected", "largest"] == max(values)
+    kept = [round(each["custody"].item() * each["findable"].item()) for each in rows["usual"]]
+    assert own.loc["in_custody", "mean"] == np.mean(kept) > 0
     figure = catalog_figure(table)
     assert len(figure.axes) == 4
     names = [each.get_text() for each in figure.axes[0].get_yticklabels()]

@@ -41,8 +41,8 @@ _COLUMNS = {
         Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
                100.0),
         Column("Right orbits", "right", ".0f",
-               terms="A confirmed orbit belongs to the object with more of its detections than any "
-               "other object and than false alarms. It is right if its position error at its "
+               terms="A confirmed orbit belongs to the object that has more of its detections than any "
+               "other, if they outnumber its false alarms. It is right if its position error at its "
                "last detection is at most 500 km. The number of right orbits is that of the "
                "objects with such an orbit."),
         Column("Right orbits, difference to the survey of the first row", "right_difference",
@@ -122,7 +122,7 @@ def _headline(tables: Tables) -> dict[str, object]:
 
 
 def _observers(tables: Tables) -> dict[str, str]:
-    """Right orbits after a day, by the numbers of observers and objects."""
+    """Right orbits and objects in custody after a day, by the numbers of observers and objects."""
     table = tables["survey"]
     counted = table["survey"].str.fullmatch(r"everything|(observers|objects)(-\d+)+")
     table = table[counted & (table["day"] == 1.0)]
@@ -130,16 +130,15 @@ def _observers(tables: Tables) -> dict[str, str]:
     rows = []
     for observers, own in table.groupby("observers"):
         right, custody = (own[own["quantity"] == name].sort_values("targets").itertuples()
-                          for name in ("right", "custody"))  # fmt: skip
+                          for name in ("right", "in_custody"))  # fmt: skip
         rows.append([
             observers,
             *(f"{row.mean:.0f}" + f" ({row.smallest:.0f} to {row.largest:.0f})" * (row.seeds > 1)
-              for row in right),
-            *(f"{100.0 * row.mean:.0f}" for row in custody),
+              for row in (*right, *custody)),
         ])  # fmt: skip
     numbers = [f"{targets:,d}" for targets in sorted(table["targets"].unique())]
     header = ["Observers", *(f"Right orbits of {each} objects" for each in numbers),
-              *(f"In custody of the findable of {each} (%)" for each in numbers)]  # fmt: skip
+              *(f"In custody of {each} objects" for each in numbers)]  # fmt: skip
     return {"table": markdown_table(header, rows)}
 
 

@@ -15,16 +15,17 @@ QUANTITIES = (
     "detected", "findable", "right", "right_difference", "wrong", "false", "duplicate",
     "candidates", "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
-    "wrong_share", "nees", "covered", "completeness_maneuvering", "custody", "nees_now",
-    "nees_ballistic", "nees_now_ballistic", "median_error_km", "error_known_km", "search_cost",
-    "hours_to_catalog", "undetected", "bright", "period_determined", "period_half_width",
-    "period_covered", "amplitude_covered", "area_albedo_covered",
+    "wrong_share", "nees", "covered", "completeness_maneuvering", "custody", "in_custody",
+    "nees_now", "nees_ballistic", "nees_now_ballistic", "median_error_km", "error_known_km",
+    "search_cost", "hours_to_catalog", "undetected", "bright", "period_determined",
+    "period_half_width", "period_covered", "amplitude_covered", "area_albedo_covered",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState` and, from `bright` on,
 `cislunar.survey.CharacterizationQuality`. `right_difference`: right orbits
 minus those of the same realization of the first survey, if both have the same objects.
 `linked_share`: share of the findable objects with an orbit, confirmed or not. `wrong_share`: wrong
-and false orbits among the confirmed ones. `search_cost`: increase of `error_known_km` over that of
+and false orbits among the confirmed ones. `in_custody`: number of findable objects in custody.
+`search_cost`: increase of `error_known_km` over that of
 the same realization of a survey with the same settings that stops searching
 (`search.search_days`), as a share of the latter."""
 
@@ -39,7 +40,7 @@ _SHARES = {
 }  # fmt: skip
 """Shares, and what they are of."""
 
-_OBJECTS = ("detected", "findable", "right")
+_OBJECTS = ("detected", "findable", "right", "in_custody")
 """Numbers of objects."""
 
 _SIGNED = ("right_difference", "search_cost")
@@ -105,6 +106,7 @@ def catalog_rows(
             ]
             found["right_difference"] = pd.concat(paired, ignore_index=True)
         found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
+        found["in_custody"] = (found["custody"].fillna(0.0) * found["findable"]).round()
         confirmed = found["confirmed"].where(found["confirmed"] > 0)
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
         for day, own in found.groupby(found["day"].round(6), sort=True):
