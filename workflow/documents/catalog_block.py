@@ -41,10 +41,10 @@ _COLUMNS = {
         Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
                100.0),
         Column("Right orbits", "right", ".0f",
-               terms="A confirmed orbit belongs to the object that has more of its detections than any "
-               "other, if they outnumber its false alarms. It is right if its position error at its "
-               "last detection is at most 500 km. The number of right orbits is that of the "
-               "objects with such an orbit."),
+               terms="A confirmed orbit belongs to the object that has more of its detections than "
+               "any other, if they outnumber its false alarms. It is right if its position error "
+               "at its last detection is at most 500 km. The number of right orbits is that of "
+               "the objects with such an orbit."),
         Column("Right orbits, difference to the survey of the first row", "right_difference",
                "+.0f",
                terms="The difference is that of the same realizations, if both surveys have the "
