@@ -9,9 +9,10 @@ import xarray as xr
 from campaign_folder import ROOT
 from small_tables import lines_of
 
+from cislunar.benchmark.score import SCORE_COLUMNS
 from cislunar.errors import InputFileError
 from cislunar.evaluation.intervals import interval_of
-from workflow.documents import objectives_block
+from workflow.documents import benchmark_block, objectives_block
 from workflow.documents import update as documents
 from workflow.documents.blocks import BLOCKS
 from workflow.documents.columns import COLUMNS
@@ -197,6 +198,22 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
     assert f"| J | 20 | {told} | {told} |" in BLOCKS["objectives-ranks"](tables)
     line = "| `information-10` | 10 | orbit information (nat) | 20 | 21 | 5.00 |"
     assert BLOCKS["objectives-designs"](tables).count(line) == 1
+
+
+def test_the_scores_of_the_benchmark_are_those_of_the_last_epoch(tmp_path):
+    with pytest.raises(InputFileError, match=r"score\.csv: no such score; make it as docs/benchm"):
+        benchmark_block.study_table(tmp_path)
+    for number, (size, method) in enumerate(benchmark_block._REFERENCES):
+        last = dict.fromkeys(SCORE_COLUMNS, float(number)) | {"completeness": 0.125 * number}
+        last["latency_median_h"] = np.nan
+        folder = tmp_path / size / method
+        folder.mkdir(parents=True)
+        pd.DataFrame([dict.fromkeys(last, 9.0), last]).to_csv(folder / "score.csv", index=False)
+    text = BLOCKS["benchmark"]({"benchmark": benchmark_block.study_table(tmp_path)})
+    assert "| objects, findable | 0, 0 | 1, 1 | 2, 2 | 3, 3 |" in text
+    assert "| completeness (%) | 0 | 12 | 25 | 38 |" in text
+    dash = "\N{EN DASH}"
+    assert f"| latency, median (h) | {dash} | {dash} | {dash} | {dash} |" in text
 
 
 @pytest.mark.parametrize("columns", ["real", "real_bodies", "real_observers"])

@@ -73,7 +73,7 @@ def _verdicts(tables: Tables) -> dict[str, Any]:
     predicted = claims["rule"].str.contains("prediction interval")
     return {"counts": {verdict: counts.get(verdict, 0) for verdict in VERDICTS},
             "total": counts.reindex(COULD_FAIL, fill_value=0).sum(),
-            "predicted": (predicted & (claims["verdict"] == COULD_FAIL[0])).sum()}  # fmt: skip
+            "predicted": (predicted & (claims["verdict"] == REPRODUCED)).sum()}  # fmt: skip
 
 
 def _results(tables: Tables) -> dict[str, Any]:

@@ -8,7 +8,8 @@ copies the tables that the documents rest on from ``results/`` to ``docs/tables`
 results to ``docs/results.md``, and generates every block between the lines
 ``<!-- begin generated: NAME -->`` and ``<!-- end generated -->`` from these tables, in whichever
 documents it stands. ``--results FOLDER`` takes another results folder. ``--study NAME`` takes only
-the tables of the study ``config/NAME.yaml``, from ``results/NAME`` unless another folder is named.
+the tables of the study ``config/NAME.yaml``, or of the benchmark (docs/benchmark.md), from
+``results/NAME`` unless another folder is named.
 ``--from-tables`` needs no campaign: it fills all blocks from ``docs/tables`` as they are.
 ``--check`` changes nothing and fails where a document differs from its tables.
 """
@@ -245,7 +246,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--results", help="results folder (default: results, or results/NAME)")
     parser.add_argument("--root", default=".", help="folder of the repository (default: here)")
     mode = parser.add_mutually_exclusive_group()
-    mode.add_argument("--study", choices=_STUDIES, help="take only the tables of config/NAME.yaml")
+    mode.add_argument("--study", choices=_STUDIES, help="take only the tables of this study")
     mode.add_argument(
         "--from-tables", action="store_true", help="fill all blocks from docs/tables as they are"
     )
