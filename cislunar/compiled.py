@@ -1,6 +1,8 @@
 """Compile-time overloads by the type of the first argument, and decorators of kernels."""
 
 from collections.abc import Callable
+from inspect import signature
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -18,17 +20,29 @@ _FOR_ALL_OTHERS: set[Callable] = set()
 def implements(function: Callable, model: type) -> Callable:
     """Decorator: implementation of a `function`, which kernels call and whose own body is not
     compiled, for a NamedTuple class of first argument. Kernels are cached on disk by the name of
-    the class, so that it has to be importable in every process that shares the cache."""
+    the class, so that it has to be importable in every process that shares the cache.
+
+    Numba compiles the body anew for each place of a call. The body of a kernel (`njit_inline`) is
+    compiled once. Such a kernel must not return arrays, since the caller may count references."""
 
     def register(body: Callable) -> Callable:
+        inlined = body if isinstance(body, FunctionType) else _call_of(body)
+
         def choose(first: Any, *_: Any) -> Callable | None:
-            return body if getattr(first, "instance_class", None) is model else None
+            return inlined if getattr(first, "instance_class", None) is model else None
 
         overload(function, strict=False, inline="always")(choose)
         _WITH_OWN_BODY.setdefault(function, {})[model] = body
         return body
 
     return register
+
+
+def _call_of(kernel: Any) -> Callable:
+    """A function that calls a kernel."""
+    names = ", ".join(signature(kernel.py_func).parameters)
+    space = {"kernel": kernel, "__name__": kernel.py_func.__module__}
+    return eval(f"lambda {names}: kernel({names})", space)
 
 
 def implementations(function: Callable) -> list[Callable]:

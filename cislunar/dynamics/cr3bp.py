@@ -12,7 +12,7 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from cislunar.compiled import implements
+from cislunar.compiled import implements, njit_inline
 from cislunar.constants import MU
 from cislunar.dynamics import forces
 from cislunar.errors import ConfigurationError
@@ -53,6 +53,7 @@ def _at(forces, t):
 
 
 @implements(forces.acceleration, CR3BP)
+@njit_inline
 def _acceleration(field, x, y, z, vx, vy, vz):
     """Equations 1-3 of Paul & Fan."""
     mu = field.mu
@@ -71,6 +72,7 @@ def _acceleration(field, x, y, z, vx, vy, vz):
 
 
 @implements(forces.is_calm, CR3BP)
+@njit_inline
 def _is_calm(field, x, y, z, dt):
     x_earth = x + field.mu
     x_moon = x_earth - 1.0
@@ -82,6 +84,7 @@ def _is_calm(field, x, y, z, dt):
 
 
 @implements(forces.partials, CR3BP)
+@njit_inline
 def _hessian(field, x, y, z, vx, vy, vz):
     """Second derivatives of the pseudo-potential."""
     mu = field.mu
@@ -104,6 +107,7 @@ def _hessian(field, x, y, z, vx, vy, vz):
 
 
 @implements(forces.acceleration_change, Hessian)
+@njit_inline
 def _acceleration_change(u, dx, dy, dz, dvx, dvy, dvz):
     """Rows of [U_rr, 2J] with J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]."""
     return (

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import implements, njit, njit_noalloc
+from cislunar.compiled import implements, njit, njit_inline, njit_noalloc
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.forces import Nothing
@@ -142,17 +142,17 @@ class Gradient(NamedTuple):
     change: tuple
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _squared(a):
     return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _inverse_cube(a):
     r2 = _squared(a)
     return 1.0 / (r2 * np.sqrt(r2))
@@ -166,8 +166,9 @@ def _interval(u, count):
     return k, (w if -1e-5 < w < 1.00001 else np.nan)
 
 
-@implements(forces.at, EphemerisForces)
-def _at(forces, t):
+@njit_inline
+def _bodies_at(forces, t):
+    """Positions of Earth, Moon and Sun, acceleration of the origin, and figure of the Moon."""
     c = forces.coefficients
     u = (t * TIME_UNIT_S + (forces.epoch - forces.start)) / forces.spacing
     k, w = _interval(u, c.shape[0])
@@ -183,6 +184,12 @@ def _at(forces, t):
         on_earth * from_earth[1] + on_moon * from_moon[1],
         on_earth * from_earth[2] + on_moon * from_moon[2],
     )
+    return earth, moon, sun, origin, figure_at(forces.figure, k, w)
+
+
+@implements(forces.at, EphemerisForces)
+def _at(forces, t):
+    earth, moon, sun, origin, figure = _bodies_at(forces, t)
     return Field(
         earth,
         moon,
@@ -192,7 +199,7 @@ def _at(forces, t):
         forces.gm_moon,
         forces.gm_sun,
         forces.radiation,
-        figure_at(forces.figure, k, w),
+        figure,
     )
 
 
@@ -238,6 +245,7 @@ def _without_shadow(field):
 
 
 @implements(forces.is_special, Field)
+@njit_inline
 def _maybe_in_shadow(field, x, y, z):
     at = (x, y, z)
     return maybe_shaded(
@@ -246,6 +254,7 @@ def _maybe_in_shadow(field, x, y, z):
 
 
 @implements(forces.is_calm, Field)
+@njit_inline
 def _is_calm(field, x, y, z, dt):
     # shadows are ignored: no step of either order ends at their edges
     at = (x, y, z)
@@ -255,6 +264,7 @@ def _is_calm(field, x, y, z, dt):
 
 
 @implements(forces.acceleration, Field)
+@njit_inline
 def _acceleration(field, x, y, z, vx, vy, vz):
     at = (x, y, z)
     from_earth, from_moon = _minus(at, field.earth), _minus(at, field.moon)
@@ -275,6 +285,7 @@ def _acceleration(field, x, y, z, vx, vy, vz):
 
 
 @implements(forces.partials, Field)
+@njit_inline
 def _partials(field, x, y, z, vx, vy, vz):
     at = (x, y, z)
     from_earth, from_moon = _minus(at, field.earth), _minus(at, field.moon)
@@ -304,6 +315,7 @@ def _partials(field, x, y, z, vx, vy, vz):
 
 
 @implements(forces.acceleration_change, Gradient)
+@njit_inline
 def _acceleration_change(g, dx, dy, dz, dvx, dvy, dvz):
     change = g.change[0] * dx + g.change[1] * dy + g.change[2] * dz
     return (

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.compiled import implements
+from cislunar.compiled import implements, njit_inline
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.ephemeris.bodies import GM_MOON, BodyTable, cubic, hermite, moon_axes
@@ -90,6 +90,7 @@ def _no_figure_at(figure, k, w):
 
 
 @implements(figure_at, MoonFigure)
+@njit_inline
 def _moon_figure_at(figure, k, w):
     c = figure.coefficients
     return _Quadrupole(
@@ -108,6 +109,7 @@ def _no_pull(figure, x, y, z, r2):
 
 
 @implements(figure_pull, _Quadrupole)
+@njit_inline
 def _quadrupole_pull(figure, x, y, z, r2):
     qx = figure.xx * x + figure.xy * y + figure.xz * z
     qy = figure.xy * x + figure.yy * y + figure.yz * z
@@ -127,6 +129,7 @@ def _no_partials(figure, x, y, z, r2):
 
 
 @implements(figure_partials, _Quadrupole)
+@njit_inline
 def _quadrupole_partials(figure, x, y, z, r2):
     qx = figure.xx * x + figure.xy * y + figure.xz * z
     qy = figure.xy * x + figure.yy * y + figure.yz * z

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.compiled import for_all_others, implements, njit, njit_noalloc
+from cislunar.compiled import for_all_others, implements, njit_inline, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.errors import ConfigurationError
@@ -141,7 +141,7 @@ def _shaded(radiation, earth, moon, sun):
     return strength, gx, gy, gz
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _in_cone(body, sun, radius, sun_radius):
     """Whether a position, relative to a body and to the Sun, may be in the penumbra (conservative).
     The penumbra widens by (R_sun + R) / d per unit of length l behind the body, and starts less

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit_inline
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.ephemeris.kernel import (
     DEFAULT_KERNEL,
@@ -132,7 +132,7 @@ def hermite(value: Array, slope: Array) -> Array:
     )
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def cubic(coefficients, k, column, w):
     """Value of a tabulated column at the fraction w of interval k."""
     return (
