@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,8 +10,24 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
 import cislunar
-from cislunar.compiled import copy_into, njit_noalloc
+from cislunar.compiled import copy_into, implements, njit_inline, njit_noalloc
 from cislunar.kernel_dispatcher import KernelDispatcher
+
+
+class Line(NamedTuple):
+    """A straight line, an implementation of `value_at`."""
+
+    slope: float
+
+
+def value_at(line, x):
+    raise NotImplementedError
+
+
+@implements(value_at, Line)
+@njit_inline
+def _value_of_line(line, x):
+    return line.slope * x
 
 
 def _kernels():
@@ -71,3 +88,13 @@ def test_put_copies_views_of_any_layout(shape):
     copy(wide[tuple(slice(None, None, 2) for _ in shape)], values)
     np.testing.assert_array_equal(wide[tuple(slice(None, None, 2) for _ in shape)], values)
     assert np.sum(wide) == np.sum(values)
+
+
+def test_the_kernel_of_an_implementation_is_compiled_once_for_several_calls():
+    @njit_noalloc
+    def of_several(line, x):
+        return value_at(line, x) + value_at(line, x + 1.0) * value_at(line, x + 2.0)
+
+    assert of_several(Line(2.0), 3.0) == 6.0 + 8.0 * 10.0
+    assert len(_value_of_line.overloads) == 1
+    assert _value_of_line(Line(2.0), 3.0) == 6.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit, njit_inline
 
 _TILE = 32  # bytes of a row whose tables of partial sums fit the first-level cache
 
@@ -12,7 +12,7 @@ _M4 = np.uint64(0x0F0F0F0F0F0F0F0F)
 _H1 = np.uint64(0x0101010101010101)
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _ones(x):
     """Number of set bits of a word."""
     x -= (x >> np.uint64(1)) & _M1

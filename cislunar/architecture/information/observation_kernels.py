@@ -6,7 +6,7 @@ Symmetric 6 x 6 matrices are stored as the 21 entries of the lower triangle, row
 import numpy as np
 
 from cislunar.architecture.information.brightness import bright_share
-from cislunar.compiled import njit
+from cislunar.compiled import njit, njit_inline
 from cislunar.observation.sightline import METERS, in_clear_view, lit_directions, sphere_brighter
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import body_magnitude_derivatives
@@ -14,7 +14,7 @@ from cislunar.photometry.body_blocks import body_magnitude_derivatives
 PACKED = 21
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _difference(start, end):
     """Vector from one position to another."""
     return end[0] - start[0], end[1] - start[1], end[2] - start[2]

@@ -30,7 +30,7 @@ from cislunar.attitude.parameter_deviations import (
     perturbed_rotation,
 )
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.compiled import njit, njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
@@ -261,7 +261,7 @@ def _misfit(squares, seen, model):
     return 0.5 * squares / model.noise_variance
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def _trust(squares, seen, model):
     """Assumed noise variance over that expected from the residuals; 1 if the variance is known."""
     freedom, assumed = model.noise_freedom, model.noise_variance

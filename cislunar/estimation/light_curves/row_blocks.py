@@ -21,7 +21,7 @@ from cislunar.attitude.parameter_deviations import (
     weigh_ends,
 )
 from cislunar.attitude.quaternion import multiply_components, rotate_components
-from cislunar.compiled import njit, njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
@@ -96,7 +96,7 @@ def parameter_rows(work, first):
     return work[_DERIVATIVE + first :]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _axis(omega):
     """Angular velocity as its length, the inverse of the length and a unit vector; zeros for
     none."""
@@ -135,7 +135,7 @@ def turn_evenly(block, work, count, start, omega):
         w[_REST, k] = t - 2.0 * sine * cosine * inverse
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _interpolate(rows, row, w, first, end, ends):
     """A quantity of the rows from `first` to `end` that fall within one step of a track."""
     before, after, leaving, arriving = ends

@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit, njit_alloc, njit_noalloc
+from cislunar.compiled import njit_alloc, njit_inline, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BY_AXIS_SCALE,
     BY_LIT,
@@ -38,7 +38,7 @@ def _count_bits(typing_context, word):
     return types.uint64(types.uint64), generate
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _common_bits(masks, one, other):
     """Number of sample points that two masks share."""
     count = np.uint64(0)
@@ -157,7 +157,7 @@ def gather(count, word, sight, settled):
         sight.mixed[k] = ~(sight.clear[k] | sun[1, word] | view[1, word])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def settle(b, count, bit, sight):
     """Set the free share of a facet where it is 0 or 1; returns the number of remaining geometries.
     The remaining geometries are listed in `sight.edges`. Returns -1 if the facet is dark in all."""

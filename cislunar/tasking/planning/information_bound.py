@@ -22,7 +22,7 @@ where that exceeds the pointing-uncertainty gate, the pair has no information.
 
 import numpy as np
 
-from cislunar.compiled import njit, njit_noalloc
+from cislunar.compiled import njit, njit_inline, njit_noalloc
 from cislunar.estimation.triangular import cholesky
 from cislunar.observation.sightline import SUN, rotate, toward_primary
 
@@ -50,7 +50,7 @@ def _shifts(translation, covariance, axes, place, root):
             root[i, 0, j], root[i, 1, j], root[i, 2, j] = x, y, z
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _differences(x, y, z, r, per_r2, per_d2, ax, ay, az):
     """First and second derivatives of both angles along a shift a."""
     along, across = (ax * x + ay * y) * per_r2, (ay * x - ax * y) * per_r2
