@@ -279,13 +279,15 @@ def draw(table: pd.DataFrame) -> None:
         for axis, name in zip(axes, VARIED, strict=True):
             for estimator in table["estimator"].unique():
                 rows, style = along(table, estimator, name), estimator_style(estimator)
-                label = f"{ESTIMATOR_NAMES[estimator]}: {exponent(rows, name):.2f}"
+                label = f"{exponent(rows, name):.2f}"
                 line = {"color": style.color, "linestyle": style.line, "label": label}
                 axis.loglog(rows[name], rows["cpu_s"], **line, **style.marker_kwargs())
             axis.set_xticks(VARIED[name], map(str, VARIED[name]))
             axis.minorticks_off()
             axis.set_xlabel(NAMES[name])
             axis.legend(loc="upper left", title="exponent of time")
+        names = [ESTIMATOR_NAMES[each] for each in table["estimator"].unique()]
+        figure.legend(axes[0].get_lines(), names, loc="outside upper center", ncols=len(names))
         axes[0].set_ylabel("processor time, s")
         bottom, top = axes[0].get_ylim()
         axes[0].set_ylim(bottom, 5.0 * top)

@@ -8,11 +8,10 @@ The ``*_components`` functions are compiled and handle one attitude; `to_quatern
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit_alloc, njit_inline
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 GRP_A: float = 0.5
 """Parameter a (table 3)."""

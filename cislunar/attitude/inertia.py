@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 # Kinds of body-parameter deviation, see `cislunar.attitude.parameter_deviations`.
 INERTIA, TORQUE = 0, 2

@@ -11,11 +11,10 @@ arrays.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit, njit_inline
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 SMALL_ANGLE = 1e-4
 """Rotation angle (rad) below which sin(angle/2)/angle is taken from its series (error 1e-19)."""

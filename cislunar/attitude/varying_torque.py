@@ -23,8 +23,7 @@ from cislunar.attitude.quaternion import rotate_components
 from cislunar.attitude.rigid_body import matrix_times, propagate_kernel
 from cislunar.compiled import njit
 from cislunar.dynamics.radiation import SOLAR_PRESSURE_N_M2
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _TURN_PER_STEP = 0.02
 """Largest rotation angle of a step within which the torque of sunlight is constant, rad."""

@@ -26,8 +26,7 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import sunlit_share
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _LEAST_SHARE = 0.01
 """Visible share of the Sun's disc at the largest dimming, 5 mag."""

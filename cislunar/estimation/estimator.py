@@ -17,9 +17,8 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, require_unit
-
-Array = NDArray[np.float64]
 
 # Health of an estimate.
 HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)

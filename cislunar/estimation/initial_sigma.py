@@ -1,12 +1,10 @@
 """Standard deviations of the parts of a state, as uncertainty at the epoch or as process noise."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import NotNegative, Positive, Section, setting
-
-Array = NDArray[np.float64]
 
 
 class _StateSigma(Section):

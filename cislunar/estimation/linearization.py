@@ -5,7 +5,6 @@ in units of their prior standard deviations."""
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
@@ -20,9 +19,7 @@ from cislunar.dynamics.forces import (
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.observation.measurement_derivatives import angle_rows
 from cislunar.observation.sightline import direction_angles, wrap_angle
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 SIZE = 6
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array
 
-Array = NDArray[np.float64]
 Values = TypeVar("Values", NDArray, list, tuple)
 
 

@@ -126,7 +126,7 @@ def message_lines(path: str | Path, kind: str, versions: Sequence[str]) -> Lines
     be read, or does not begin with one of the `versions`."""
     text = read_text(path, f"an {kind}")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
-    lines = [(number, line) for number, line in lines if line and not _comment(line)]
+    lines = [(number, line) for number, line in lines if line and line.split()[0] != "COMMENT"]
     key, _, version = lines[0][1].partition("=") if lines else ("", "", "")
     if key.strip() != f"CCSDS_{kind}_VERS" or version.strip() not in versions:
         raise InputFileError(
@@ -134,10 +134,6 @@ def message_lines(path: str | Path, kind: str, versions: Sequence[str]) -> Lines
             f"CCSDS_{kind}_VERS = {' or '.join(versions)}; convert the file"
         )
     return lines
-
-
-def _comment(line: str) -> bool:
-    return line.split(maxsplit=1)[0] == "COMMENT"
 
 
 def segments_of(path: str | Path, lines: Lines) -> list[Lines]:

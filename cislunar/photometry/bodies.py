@@ -32,8 +32,7 @@ from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
 from cislunar.photometry.shapes import Facets, facets_from_triangles
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class Body(NamedTuple):

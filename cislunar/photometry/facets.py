@@ -14,7 +14,7 @@ The paper's specular reflectance has a factor [(N.L)(N.V)]^-1, which its facet s
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.compiled import njit, njit_alloc, njit_noalloc
@@ -22,9 +22,8 @@ from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of, require_kind, require_unit
-
-Array = NDArray[np.float64]
 
 IRRADIANCE_FLOOR: float = 1e-22
 """Smallest irradiance, relative to the Sun's, that the filters convert to a magnitude."""

@@ -7,13 +7,10 @@ the file and the facet; facets are counted from 1 in the order of the file.
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.photometry.meshes import Mesh, closed_mesh
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 
 def load_mesh(path: str | Path, *, meters_per_unit: float = 1.0) -> Mesh:

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import number_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

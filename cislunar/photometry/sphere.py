@@ -12,7 +12,7 @@ that even a narrow glint is resolved.
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
@@ -20,9 +20,7 @@ from cislunar.photometry.facets import fresnel_reflectance
 from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
 from cislunar.photometry.reflection.laws import directional_hemispherical_reflectance
 from cislunar.photometry.reflection.tables import NO_TABLE, load_reflectance_table
-
-Array = NDArray[np.float64]
-
+from cislunar.runtime import Array
 
 _NODES = 64
 """Nodes of each integral; the error is below 1e-3 of the returned light for slopes up to 1."""

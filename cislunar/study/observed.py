@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
@@ -29,9 +28,8 @@ from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
 from cislunar.observation.sightline import angles_of_vectors, wrapped
+from cislunar.runtime import Indices
 from cislunar.runtime.arguments import Array
-
-Indices = NDArray[np.int64]
 
 _RMS = ("rmsMag", "rmsRA", "rmsDec")
 _RMS_UNIT = np.array([1.0, ARCSECOND, ARCSECOND])

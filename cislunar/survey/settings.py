@@ -75,7 +75,7 @@ class SearchSettings(Section):
         "choice of fields: by `density` and information, a `uniform-sweep` over the sky, or "
         "`fixed-staring` at the libration points L1 and L2", default=DENSITY)
     search_days: Positive | None = setting(
-        "time from which on plans follow known orbits alone; null: they search to the end", "day",
+        "time after which plans follow known orbits alone; null: they search to the end", "day",
         default=None)
     block_minutes: Positive = setting("time that a plan covers", "min", default=20)
     visits: Count = setting("exposures of a field in a block", "1", default=2)
@@ -109,8 +109,8 @@ class LineageSettings(Section):
     longest_gap_h: Positive = setting(
         "longest time without a detection in which a maneuver is sought", "h", default=48)
     least_probability: number(gt=0.5, lt=1) = setting(
-        "probability from which on two orbits are of one object, before and after a maneuver or "
-        "at one time, and an orbit is lost", "1", default=0.99)
+        "least probability with which two orbits are taken to be of one object, before and after "
+        "a maneuver or at one time, or an orbit to be lost", "1", default=0.99)
 
     # fmt: on
 
@@ -126,10 +126,10 @@ class QualitySettings(Section):
         "largest position error of an object in custody, at the time of the table", "km",
         default=10)
     findable_tracklets: Count = setting(
-        "tracklets from which on an object is findable", "1", default=3)
+        "least number of tracklets of a findable object", "1", default=3)
     known_days: Positive = setting(
-        "time since when an object has had a right confirmed orbit, from which on it is known, "
-        "even if it has been lost since", "day", default=1)
+        "an object is known if it had a right confirmed orbit this long before, even if the orbit "
+        "has been lost since", "day", default=1)
 
     # fmt: on
 
@@ -144,8 +144,8 @@ class CharacterizationSettings(Section):
     # fmt: off
 
     least_detections: whole(ge=0) = setting(
-        "detections from which on the light curve of a confirmed orbit is used; 0: light curves "
-        "are not used", "1", default=0)
+        "least number of detections with which the light curve of a confirmed orbit is used; 0: "
+        "light curves are not used", "1", default=0)
     largest_noise_mag: Positive = setting(
         "largest median standard deviation of the magnitudes of an object that is bright enough",
         "mag", default=0.2)

@@ -7,6 +7,7 @@ basis and a confidence of each value. Only the columns `mission` and `jacobi` ar
 others document them.
 """
 
+from math import nan
 from pathlib import Path
 
 import pandas as pd
@@ -63,7 +64,7 @@ def load_missions(path: str | Path) -> pd.DataFrame:
     numeric = [name for name in _NUMERIC_COLUMNS if name in header]
     records = [
         row
-        | {name: _number(place, row[name], name) for name in numeric}
+        | {name: read_number(place, row[name], name) if row[name] else nan for name in numeric}
         | {"jacobi": _jacobi(place, row["jacobi"], highest)}
         for place, row in rows
     ]
@@ -86,8 +87,3 @@ def _jacobi(place: str, text: str, highest: float) -> float:
             f"below {highest:.3f} (JC = 2U - v^2, nondimensional)"
         )
     return value
-
-
-def _number(place: str, text: str, name: str) -> float:
-    """A finite number, or NaN for an empty field."""
-    return read_number(place, text, name) if text else float("nan")

@@ -27,13 +27,11 @@ from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
 from cislunar.observation import DETECTED, NOT_TASKED, Measurements, arranged
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
-from cislunar.runtime import Array
+from cislunar.runtime import Array, Indices
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
-
-Indices = NDArray[np.int64]
 
 
 class FieldObservations(NamedTuple):

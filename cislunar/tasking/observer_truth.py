@@ -17,17 +17,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.observation import Scene, angles_of_vectors, wrapped
-from cislunar.runtime import Array, array_of
+from cislunar.runtime import Array, Indices, array_of
 from cislunar.tasking.initial_conditions import OBSERVER, stream
-
-Indices = NDArray[np.int64]
 
 
 class ObserverTruth(NamedTuple):

@@ -31,7 +31,8 @@ class VisibilitySettings(Section):
     limiting_magnitude: Number = setting("magnitude of the faintest visible target", "mag", 18)
     target_radius_m: Positive = setting("radius of the spherical targets", "m", 1)
     diffuse_reflection_coefficient: Positive = setting(
-        "C_d of the sphere; 1 reproduces the paper's J, see `docs/deviations.md`", default=1)
+        "C_d of the sphere; with 1, J of the paper's families in scenario A is near the paper's, "
+        "that in B and C is not (`docs/deviations.md`)", default=1)
     exclusion_deg: ExclusionAngles = setting("")
     eclipse: Flag = setting(
         "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra",

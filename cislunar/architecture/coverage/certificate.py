@@ -51,7 +51,7 @@ def greedy_coverage(
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots)
     single = np.arange(objective.n_orbits) * objective.max_satellites
-    orbit, _ = lazy_greedy(
+    orbit = lazy_greedy(
         objective.candidates, single, n_slots, objective.tables.fold, objective.reachable
     )
     satellites = np.ones(n_slots, dtype=np.int64)

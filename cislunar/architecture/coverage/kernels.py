@@ -79,13 +79,11 @@ def shared_ones(mask, layers, candidate):
 def lazy_greedy(layers, candidate, number, fold, reachable):
     """Pick ``number`` candidates one by one, each of the largest gain; ties go to the first. Gains
     never increase as coverage grows. An outdated gain is therefore an upper bound, and only the
-    largest bounds are evaluated again. Returns positions in ``candidate`` in order, and
-    evaluations."""
+    largest bounds are evaluated again. Returns positions in ``candidate`` in order."""
     at_least = np.zeros((fold, layers.shape[2]), dtype=np.uint64)
     bound, word = gains(at_least, layers, candidate, reachable), _open_words(at_least, reachable)
     evaluated = np.zeros(candidate.size, dtype=np.int64)
     picked = np.empty(number, dtype=np.int64)
-    evaluations = candidate.size
     for step in range(number):
         while True:
             best = np.argmax(bound)
@@ -93,13 +91,12 @@ def lazy_greedy(layers, candidate, number, fold, reachable):
                 break
             bound[best] = _gain(at_least, layers[candidate[best]], word)
             evaluated[best] = step
-            evaluations += 1
         picked[step] = best
         add_layers(at_least, layers[candidate[best]])
         word = _open_words(at_least, reachable)
         bound[best] = -1
         evaluated[best] = number
-    return picked, evaluations
+    return picked
 
 
 @njit(cache=True)

@@ -24,7 +24,7 @@ def greedy_information(
     of the choices, so that the first n are the greedy choice of n satellites; ties to rounding go
     to the first."""
     check_size(objective, n_satellites, n_satellites)
-    orbit, _ = greedy_orbit_slots(objective.tables.matrix, n_satellites, objective.tables.nuisance)
+    orbit = greedy_orbit_slots(objective.tables.matrix, n_satellites, objective.tables.nuisance)
     return orbit, np.ones_like(orbit)
 
 

@@ -84,14 +84,13 @@ def gains(base, values, matrix, slot, nuisance):
 def greedy_orbit_slots(matrix, number, nuisance):
     """Pick orbit slots one by one, each of the largest gain; ties to rounding go to the first.
     Without nuisance states, gains never increase as orbit slots are added. An outdated gain is
-    therefore an upper bound, and only those that may be largest are evaluated again. Returns slots
-    and evaluations."""
+    therefore an upper bound, and only those that may be largest are evaluated again."""
     n_slots, n_items = matrix.shape[:2]
     everywhere = np.arange(n_slots)
     base = combined(matrix, everywhere[:0], np.empty(0))
     values, work = np.zeros(n_items), np.empty(PACKED)
     gain = gains(base, values, matrix, everywhere, nuisance)
-    picked, evaluations = np.empty(number, np.int64), n_slots
+    picked = np.empty(number, np.int64)
     for step in range(number):
         fresh = np.full(n_slots, step == 0)
         while True:
@@ -109,7 +108,6 @@ def greedy_orbit_slots(matrix, number, nuisance):
                 best = rival
             gain[best] = _gain(base, values, matrix[best], nuisance, work)
             fresh[best] = True
-            evaluations += 1
         for c in range(n_slots):
             if gain[c] * IMPROVES >= largest:
                 best = c
@@ -122,7 +120,7 @@ def greedy_orbit_slots(matrix, number, nuisance):
             for c in range(n_slots):
                 if gain[c] > -np.inf:
                     gain[c] = np.inf  # an earlier gain is no bound here
-    return picked, evaluations
+    return picked
 
 
 @njit(cache=True, error_model="numpy")

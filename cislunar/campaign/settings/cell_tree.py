@@ -52,8 +52,8 @@ class Tasking(ScheduleModel):
     omitted = ("detection", "learned", *ScheduleModel.model_fields)
 
     mode: Literal["paper", "recommended"] = setting(
-        "`recommended` sets those of `detection` to `learned`, `slot_minutes` to 20 and "
-        "`expected_measurements` to 20 that keep their defaults (docs/tasking.md)",
+        "`recommended` sets `detection: learned`, `slot_minutes: 20` and "
+        "`expected_measurements: 20`, except those that the configuration sets (docs/tasking.md)",
         paper="paper", default="paper")
     method: Literal["exact", "tpe", "tpe-compiled", "greedy", "random"] = setting(
         "assignment of observers to targets: `exact` (linear assignment, optimal), `tpe` (the "
@@ -115,7 +115,7 @@ class Dynamics(Section):
 
     truth: Literal["cr3bp", "ephemeris"] = setting(
         "true dynamics of the targets: the `cr3bp`, or `ephemeris` dynamics with Earth, Moon and "
-        "Sun from the DE421 ephemeris", paper="cr3bp", default="cr3bp")
+        "Sun from `ephemeris.kernel`", paper="cr3bp", default="cr3bp")
     filter: Literal["cr3bp", "ephemeris"] = setting(
         "dynamics that the estimators assume; `cr3bp` under an `ephemeris` truth is the "
         "instantaneous-frame CR3BP", paper="cr3bp", default="cr3bp")

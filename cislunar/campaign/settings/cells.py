@@ -138,7 +138,8 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
     repeated with each change of `task2.variants.pooled`."""
     changed = variant_cells(task2)
     plain = dict.fromkeys([*grid_cells(task2), *(cell._replace(variant="") for cell in changed)])
-    repeated = [cell._replace(variant=name) for cell in plain for name in _pooled(task2)]
+    pooled = task2["variants"].get("pooled", ())
+    repeated = [cell._replace(variant=name) for cell in plain for name in pooled]
     return list(dict.fromkeys([*plain, *changed, *repeated]))
 
 
@@ -156,10 +157,6 @@ def replayed_cell(task2: Mapping[str, Any]) -> Cell | None:
         f"configuration key 'task2.replay' = {wanted!r} is no cell of the campaign{such_as}: give "
         f"the name of a cell, {FIRST} or null"
     )
-
-
-def _pooled(task2: Mapping[str, Any]) -> list[str]:
-    return list(task2["variants"].get("pooled", ()))
 
 
 def paper_cells(task2: Mapping[str, Any]) -> list[Cell]:

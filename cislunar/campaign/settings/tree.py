@@ -93,7 +93,8 @@ _Members = create_model("Members", __base__=Section, **_COUNTS)
 class Orbits(Section):
     extent: Literal["keep_out", "catalog"] = setting(
         "range of the families: `keep_out` ends them where they meet a body, `catalog` follows "
-        "them as far as published catalogs, through the bodies", default="keep_out")
+        "them to about the last members of JPL's catalog, partly through the bodies "
+        "(docs/orbits.md)", default="keep_out")
     keep_out: KeepOut = KeepOut()
     members: _Members = setting(
         "number of orbits of each of the 13 families; 0 leaves a family out",
@@ -120,7 +121,7 @@ class Visibility(VisibilitySettings, _Horizon):
 
     dynamics: Literal["cr3bp", "ephemeris"] = setting(
         "dynamics in which architectures are selected: the `cr3bp`, or `ephemeris` dynamics with "
-        "Earth, Moon and Sun from the DE421 ephemeris and observers as in `task2.dynamics`. Static "
+        "Earth, Moon and Sun from `ephemeris.kernel` and observers as in `task2.dynamics`. Static "
         "targets rest in the instantaneous rotating frame, and J is the only objective "
         "(docs/dynamics.md)",
         paper="cr3bp", default="cr3bp")
@@ -370,7 +371,8 @@ class Campaign(Surroundings):
     results: Text = setting(
         "folder of all results; another folder is another campaign", "path", default="results")
     seed: whole(ge=0) = setting(
-        "seed of all random numbers, from which each job derives a stream of its own")
+        "seed of all random numbers, from which each job derives a stream of its own; all cells of "
+        "tracking have the streams of their realizations")
     propagator: Literal["dopri5", "dop853"] = setting(
         "integrator of the observers: `dopri5` (order 5(4), tolerance 1e-10) or `dop853` "
         "(tolerance 1e-13)",

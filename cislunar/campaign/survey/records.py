@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.cell import Problem
 from cislunar.campaign.tracking.records import (
@@ -23,12 +22,10 @@ from cislunar.campaign.tracking.records import (
 from cislunar.detection import FALSE_ALARM
 from cislunar.dynamics import EphemerisForces
 from cislunar.orbit_determination import OrbitStates, orbits_at
-from cislunar.runtime import variable
+from cislunar.runtime import Indices, variable
 from cislunar.runtime.arguments import Array
 from cislunar.survey import BlockRecord, CatalogRecord
 from cislunar.tasking import MANEUVER_VARIABLES, OBSERVATION_COLUMNS, RECOVERED_VARIABLES
-
-Indices = NDArray[np.int64]
 
 ORBIT_STATUSES = ("no_orbit", "candidate", "confirmed")
 """Meaning of the variable ``track_status`` of the record of a survey."""

@@ -35,9 +35,8 @@ from cislunar.observation.records import Measurements, no_measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, surfaces_of
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import require_choice
-
-Array = NDArray[np.float64]
 
 
 @njit(cache=True, error_model="numpy")

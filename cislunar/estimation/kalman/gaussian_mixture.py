@@ -20,8 +20,7 @@ from cislunar.estimation.kalman.translation_filter import SIZE, predict_translat
 from cislunar.estimation.kalman.workspace import add_orbit_noise, covariance_of, has_orbit_noise
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.estimation.unscented import difference_moments, sigma_points
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 MAX_COMPONENTS = 40
 """Largest number of components; a split that would exceed it is not made."""

@@ -61,9 +61,8 @@ from cislunar.observation.target_surfaces import (
     joined_surfaces,
     surfaces_of,
 )
+from cislunar.runtime import Array
 from cislunar.runtime.threads import share_out
-
-Array = NDArray[np.float64]
 
 
 class MultiplicativeUKF:

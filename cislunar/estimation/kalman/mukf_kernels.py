@@ -63,8 +63,7 @@ from cislunar.estimation.unscented import (
     square_root_update,
 )
 from cislunar.observation.sightline import wrap_angle
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 SIZE = 12
 """States of the motion."""

@@ -4,7 +4,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.estimation.estimator import HEALTHY
@@ -34,8 +33,7 @@ from cislunar.estimation.kalman.translation_filter import (
 from cislunar.estimation.kalman.workspace import Workspace, in_field, make_workspace
 from cislunar.estimation.unscented import innovation_moments, sigma_points
 from cislunar.observation.sightline import wrap_angle
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _LEAST_SCORE = 10.0
 """Difference of log-likelihood to the whole mixture below which a component is dropped."""

@@ -22,8 +22,7 @@ from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors, sensor_limits
 from cislunar.observation.sightline import inside_primary
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _NO_KINDS = np.empty(0, np.int64), np.empty(0, np.int64)
 

@@ -67,10 +67,9 @@ from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors, sensor_limits, sensors_of
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import require_choice
 from cislunar.runtime.threads import share_out
-
-Array = NDArray[np.float64]
 
 
 class BatchEstimator:

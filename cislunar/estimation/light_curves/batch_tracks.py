@@ -16,8 +16,7 @@ from cislunar.estimation.light_curves.model_selection.in_loop import Selection
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 class BatchTracks(NamedTuple):

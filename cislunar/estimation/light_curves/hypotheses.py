@@ -27,8 +27,7 @@ from cislunar.estimation.light_curves.light_curve import (
 )
 from cislunar.estimation.light_curves.row_blocks import ROTATION, make_cost_work
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _FIRST_ROWS = 20
 """Number of rows below which all starts come from the prior."""

@@ -58,8 +58,7 @@ from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.facet_blocks import MAGNITUDE as EXPECTED
 from cislunar.photometry.materials import AXIS_SCALE, FACET
 from cislunar.photometry.parameter_deviations import deviation_rows, perturbed_body
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 OTHER_CAUSES = 1e-3
 """Probability that a target in clear view is not detected for a reason other than its faintness; it

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.attitude.attitude_integrator import TURN_PER_STEP, carry_rotation
 from cislunar.attitude.grp import (
@@ -13,8 +12,7 @@ from cislunar.attitude.grp import (
 from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _RECENTERINGS = 2
 """Number of times the reference of the mean attitude is moved to the mean error about it."""

@@ -10,7 +10,6 @@ follow these six, already in their units.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.attitude.grp import pull_back_to_grp
 from cislunar.attitude.parameter_deviations import (
@@ -25,8 +24,7 @@ from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 ROTATION = 6
 """Number of parameters of the rotation: attitude error (GRP) and angular velocity at the epoch, in

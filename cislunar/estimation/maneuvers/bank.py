@@ -24,15 +24,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.estimation.linearization import SIZE
 from cislunar.estimation.maneuvers.bank_kernels import filter_orbit, normal_equations
 from cislunar.observation.scene import Scene
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _SCALES = np.array([1.0, 500.0]) / VELOCITY_UNIT_M_S
 """Prior standard deviations of a component of the change of velocity, with equal weights."""

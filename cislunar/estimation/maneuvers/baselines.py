@@ -8,12 +8,11 @@ one after.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of
-
-Array = NDArray[np.float64]
 
 
 def cusum(

@@ -21,8 +21,8 @@ class ManeuverDetection(Section):
         "time between the hypothesized maneuvers", "min", default=60)
     independent_tests_per_day: Positive = setting(
         "number of independent tests with as many false alarms as the correlated ones of a target "
-        "in a day, which with the rate gives the threshold: 60 to 160 for 120 to 220 observations "
-        "a day (docs/maneuvers.md)", "1/d",
+        "in a day, which with the rate gives the threshold. 60 to 160 fit 120 to 220 observations "
+        "a day; the default gives fewer false alarms than the rate (docs/maneuvers.md)", "1/d",
         default=300)
 
     recover: bool = setting(

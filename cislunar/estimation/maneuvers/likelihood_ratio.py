@@ -45,10 +45,9 @@ from cislunar.estimation.maneuvers.recursion import scan
 from cislunar.estimation.track_arrays import remaining_tracks
 from cislunar.observation.records import Measurements, Schedule
 from cislunar.observation.scene import Scene
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of
 from cislunar.runtime.threads import share_out
-
-Array = NDArray[np.float64]
 
 _USUAL = ManeuverDetection()
 

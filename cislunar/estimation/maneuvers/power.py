@@ -11,9 +11,8 @@ from scipy.stats import ncx2
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Schedule, rows_of
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of
-
-Array = NDArray[np.float64]
 
 
 def impulse_bound(whitened: ArrayLike) -> Array:

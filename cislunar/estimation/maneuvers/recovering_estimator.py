@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.dynamics.forces import of_targets
 from cislunar.errors import ConfigurationError
@@ -31,9 +31,7 @@ from cislunar.estimation.track_arrays import remaining_tracks
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cislunar.runtime import Array, Indices
 
 _BEFORE_HOURS = 6.0
 """Time between the orbit from which a bank begins and the maneuver of the test, h."""

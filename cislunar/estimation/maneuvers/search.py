@@ -33,9 +33,8 @@ from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import unit_vectors
+from cislunar.runtime import Array, Indices
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _SIZES_M_S = 5.0, 600.0

@@ -12,15 +12,14 @@ estimate is small at any level, so that no tail is extrapolated.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
+from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, count_of, number_of
-
-Array = NDArray[np.float64]
 
 
 def false_alarm_threshold(

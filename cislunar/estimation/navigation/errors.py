@@ -11,14 +11,12 @@ error is constant.
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array
 from cislunar.runtime.settings_fields import NotNegative, Section, partial, setting
-
-Array = NDArray[np.float64]
 
 OBSERVER_PARAMETERS = (
     "position_x",

@@ -72,9 +72,8 @@ from cislunar.estimation.wrapped_estimator import WrappedEstimator
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime import Array
 from cislunar.runtime.threads import share_out
-
-Array = NDArray[np.float64]
 
 _BLOCK_S = 600.0
 """Duration of a block, s, in which the observers' errors are constant."""

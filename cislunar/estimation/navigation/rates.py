@@ -1,12 +1,10 @@
 """Rates of the propagation frame and of the observers, for clock errors."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from cislunar.observation.scene import Scene
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 
 def frame_rotation(scene: Scene) -> Array:

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
 from cislunar.estimation.navigation.errors import (
@@ -19,8 +18,7 @@ from cislunar.estimation.navigation.errors import (
     PARAMETER_UNITS,
 )
 from cislunar.exchange.table_rows import listed, named_rows, row_names, row_numbers
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 COLUMNS = tuple(
     f"{name}_{unit}" for name, unit in zip(OBSERVER_PARAMETERS, PARAMETER_UNITS, strict=True)

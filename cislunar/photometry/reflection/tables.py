@@ -20,12 +20,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.errors import InputFileError
 from cislunar.exchange.table_rows import named_rows, row_numbers
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _ANGLES = {"incidence_deg": 90.0, "emission_deg": 90.0, "azimuth_deg": 180.0}
 """Last angle of each axis; the first one is 0."""

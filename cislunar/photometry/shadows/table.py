@@ -21,8 +21,7 @@ from cislunar.compiled import njit, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.meshes import CONVEX_TOLERANCE, Mesh, mesh_size
 from cislunar.photometry.shapes import facets_from_triangles
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 WORDS = 4
 """64-bit words per mask."""

@@ -7,7 +7,6 @@ the mixture over models of the body and over modes.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from cislunar.attitude.quaternion import attitude_matrix
@@ -23,8 +22,7 @@ from cislunar.estimation.light_curves.model_selection.rungs import (
 from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 from cislunar.photometry.sphere import phase_function
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
 """Status of an attitude: the modes agree; the modes disagree; shape or reflection law differs from

@@ -49,8 +49,7 @@ from scipy.linalg.lapack import dpotri
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SUN, TIME, VIEW, WEIGHT
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _LONGEST_BIN_S = 900.0
 _WIDEST_BIN = 0.05

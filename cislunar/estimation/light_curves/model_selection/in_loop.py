@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
 from cislunar.estimation.light_curves.hypotheses import (
@@ -36,8 +35,7 @@ from cislunar.estimation.light_curves.model_selection.rungs import (
 )
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import ROTATION
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.5
 """Factors by which a light curve grows until all models are searched again, and until the modes of

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve
 from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
@@ -42,8 +41,7 @@ from cislunar.estimation.light_curves.model_selection.rungs import (
 )
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, ROTATION, SEEN
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _TEMPERING_MAG = {"small deviations": 0.1, "medium deviations": 0.05, "large deviations": 0.05}
 """Model error, mag, at which the exponent of the likelihood is 1/2 (empirical)."""

@@ -17,13 +17,11 @@ and its correlation, so that a correct model is rejected at most as often as sta
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, f, norm
 
 from cislunar.estimation.light_curves.model_selection.correlated import bins_of_rows
 from cislunar.estimation.light_curves.row_blocks import WEIGHT
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 LEVEL = 1e-3
 """Probability with which each test rejects a correct model."""

@@ -7,14 +7,12 @@ law, from the assumed body to one that is known only roughly.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.correlated import Minimum, ModelError
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.observation.body_parameters import BodyParameterPrior
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 RUNGS = {
     "known": BodyParameterPrior(),

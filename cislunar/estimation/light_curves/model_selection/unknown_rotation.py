@@ -20,7 +20,7 @@ narrow. If it is not, the interval is that of the prior.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import ndtr
 from scipy.stats import chi
@@ -56,8 +56,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     WEIGHT,
 )
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
-
-Array = NDArray[np.float64]
+from cislunar.runtime import Array
 
 _RUNG = "small deviations"
 _MOST_ROWS = 150
