@@ -13,7 +13,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "perturbed_rotation", "weigh_ends"],
     "quaternion": ["attitude_matrix", "compose", "from_rotation_vector", "multiply_components",
         "normalize", "rotate_components", "rotation_vector_components", "to_inertial"],
-    "rigid_body": ["propagate_attitudes", "propagate_spherical", "spherical_transition"],
+    "rigid_body": ["matrix_times", "propagate_attitudes", "propagate_spherical",
+        "spherical_transition"],
     "torque_model": ["TorqueModel"],
     "varying_torque": ["RandomTorque", "SunPressure", "propagate_varying"],
 })

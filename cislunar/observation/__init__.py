@@ -20,7 +20,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "noise_variance_at", "sensor_limits", "sensors_of"],
     "sightline": ["CLEAR", "EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "angles_of_vectors",
         "dimming", "direction_angles", "in_clear_view", "inside_primary", "lit_directions",
-        "obstacle", "outside_exclusion", "rotate", "sphere_brighter", "sphere_margin",
+        "obstacle", "outside_exclusion", "sphere_brighter", "sphere_margin",
         "sunlit_share", "toward_primary", "unit_vectors", "wrap_angle", "wrapped"],
     "target_surfaces": ["TargetSurfaces", "body_of", "joined_surfaces", "surfaces_of"],
 })

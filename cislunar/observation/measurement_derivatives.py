@@ -6,8 +6,9 @@ position, velocity), in the units of the error state of the filters.
 
 import numpy as np
 
+from cislunar.attitude.rigid_body import matrix_times
 from cislunar.compiled import njit, njit_noalloc
-from cislunar.observation.sightline import METERS, lit_directions, rotate
+from cislunar.observation.sightline import METERS, lit_directions
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import (
     body_magnitude_derivatives,
@@ -39,7 +40,7 @@ def _across(ux, uy, uz, gx, gy, gz):
 @njit_noalloc
 def angle_rows(dx, dy, dz, axes, rows):
     """Derivatives of right ascension and declination by position, into rows 1 and 2."""
-    bx, by, bz = rotate(axes, dx, dy, dz)
+    bx, by, bz = matrix_times(axes, dx, dy, dz)
     flat2 = bx * bx + by * by
     flat = np.sqrt(flat2)
     squared = flat2 + bz * bz

@@ -17,6 +17,7 @@ Assumptions and limitations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cislunar.attitude.rigid_body import matrix_times
 from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
@@ -43,21 +44,11 @@ wrap_angle = njit_inline(wrapped)
 """`wrapped` of a single angle, for kernels."""
 
 
-@njit_inline
-def rotate(axes, x, y, z):
-    """Product of a 3 x 3 matrix and a vector, as scalars."""
-    return (
-        axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
-        axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,
-        axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z,
-    )
-
-
 @njit_noalloc
 def direction_angles(dx, dy, dz, axes):
     """Right ascension and declination (rad) of a line of sight; `axes` is the rotation from the
     frame of d to the observer's body frame."""
-    bx, by, bz = rotate(axes, dx, dy, dz)
+    bx, by, bz = matrix_times(axes, dx, dy, dz)
     return np.arctan2(by, bx), np.arctan2(bz, np.sqrt(bx * bx + by * by))
 
 
@@ -67,8 +58,8 @@ def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
     is the vector from the target to the Sun."""
     distance = np.sqrt(dx * dx + dy * dy + dz * dz)
     to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
-    view = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
-    light = rotate(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
+    view = matrix_times(to_inertial, -dx / distance, -dy / distance, -dz / distance)
+    light = matrix_times(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
     return light, view, distance, to_sun
 
 

@@ -22,9 +22,10 @@ where that exceeds the pointing-uncertainty gate, the pair has no information.
 
 import numpy as np
 
+from cislunar.attitude.rigid_body import matrix_times
 from cislunar.compiled import njit, njit_inline, njit_noalloc
 from cislunar.estimation.triangular import cholesky
-from cislunar.observation.sightline import SUN, rotate, toward_primary
+from cislunar.observation.sightline import SUN, toward_primary
 
 _ROUNDING = 1e-14
 """Upper bound of the rounding error of a difference of two computed angles, rad."""
@@ -44,9 +45,9 @@ def _shifts(translation, covariance, axes, place, root):
             root[:, :, j] = np.nan
             continue
         x, y, z = translation[j, 0], translation[j, 1], translation[j, 2]
-        place[0, j], place[1, j], place[2, j] = rotate(axes, x, y, z)
+        place[0, j], place[1, j], place[2, j] = matrix_times(axes, x, y, z)
         for i in range(3):
-            x, y, z = rotate(axes, work[0, i], work[1, i], work[2, i])
+            x, y, z = matrix_times(axes, work[0, i], work[1, i], work[2, i])
             root[i, 0, j], root[i, 1, j], root[i, 2, j] = x, y, z
 
 
@@ -179,11 +180,11 @@ def bound_all(prediction, scene, constants, weights, gate, out):
             if body != SUN:
                 bx, by, bz = toward_primary(body, x, y, z, scene.primaries[index])
             distance = np.sqrt(bx * bx + by * by + bz * bz)
-            bx, by, bz = rotate(axes, bx, by, bz)
+            bx, by, bz = matrix_times(axes, bx, by, bz)
             directions[body] = bx / distance, by / distance, bz / distance
-        observer = rotate(axes, x, y, z)
+        observer = matrix_times(axes, x, y, z)
         _bound_row(observer, place, root, radius, variance[o], weights, gate[o], out[o])
-        there = rotate(axes, sun[0], sun[1], sun[2])
+        there = matrix_times(axes, sun[0], sun[1], sun[2])
         _drop_row(observer, place, directions, there, (cosines[o], faintness[o]), out[o])
         for j in range(count):
             if (
