@@ -12,6 +12,7 @@ from cislunar.runtime.settings_words import shown
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 UNIT_NORM = 1e-6
 """Largest deviation from 1 of the norm of a unit vector, such as by rounding to 7 digits."""

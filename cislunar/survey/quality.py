@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from cislunar.constants import LENGTH_UNIT_KM
@@ -25,11 +25,9 @@ from cislunar.orbit_determination import (
     orbits_at,
     squared_distances,
 )
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Flags, Indices
 from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.settings import QualitySettings
-
-Flags = NDArray[np.bool_]
 
 _LARGEST_NEES = float(chdtri(6, 0.05))
 """95th percentile of chi squared with six degrees of freedom."""

@@ -24,7 +24,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from cislunar.dynamics.bundle import propagate_bundle
@@ -33,9 +32,7 @@ from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import unit_vectors
-from cislunar.runtime import Array, Indices
-
-Flags = NDArray[np.bool_]
+from cislunar.runtime import Array, Flags, Indices
 
 _SIZES_M_S = 5.0, 600.0
 _PARTICLES, _TIMES, _CENTERS = 1024, 16, 256

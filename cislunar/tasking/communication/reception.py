@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
 from cislunar.observation.records import Measurements, rows_of
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Flags, Indices
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.planning import LearnedDetection, PlannedObservations
 from cislunar.tasking.truth import Truth
-
-Flags = NDArray[np.bool_]
 
 Work = Callable[[Truth, Measurements, Flags | None], tuple[Estimates, Array]]
 """Processes the steps of measurements with estimator and bound. It returns the estimates, and the

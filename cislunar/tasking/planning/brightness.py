@@ -41,10 +41,8 @@ from cislunar.photometry.facet_blocks import (
     VIEW,
 )
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
-from cislunar.runtime import Array
+from cislunar.runtime import Array, Flags
 from cislunar.tasking.planning.information import TaskingModel
-
-Flags = NDArray[np.bool_]
 
 _SAMPLE_S = 900.0
 """Longest time that one attitude represents, s."""
