@@ -72,22 +72,23 @@ def log_sum(base, row, scale):
     arrays have shape (target,). Products of 32 arguments replace 32 logarithms: with arguments in
     [2**-31, 2**31] a product stays within the range of float64."""
     n = base.size
+    argument = np.empty(128)
     total = 0.0
     start = 0
     while start + 128 <= n:
+        some, counts = base[start : start + 128], row[start : start + 128]
+        for i in range(128):  # a loop of its own, since the compiler vectorizes it
+            a = some[i] + scale * counts[i]
+            argument[i] = a if a > 0.0 else 1.0
         p0 = 1.0
         p1 = 1.0
         p2 = 1.0
         p3 = 1.0
-        for i in range(start, start + 128, 4):
-            a = base[i] + scale * row[i]
-            b = base[i + 1] + scale * row[i + 1]
-            c = base[i + 2] + scale * row[i + 2]
-            d = base[i + 3] + scale * row[i + 3]
-            p0 *= a if a > 0.0 else 1.0
-            p1 *= b if b > 0.0 else 1.0
-            p2 *= c if c > 0.0 else 1.0
-            p3 *= d if d > 0.0 else 1.0
+        for i in range(0, 128, 4):
+            p0 *= argument[i]
+            p1 *= argument[i + 1]
+            p2 *= argument[i + 2]
+            p3 *= argument[i + 3]
         total += np.log10(p0) + np.log10(p1) + np.log10(p2) + np.log10(p3)
         start += 128
     for i in range(start, n):

@@ -83,7 +83,7 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
             abs(nearest) > _ROUNDING * (one + distance)
         )
         undecided[i] = not decided
-        n_undecided += np.int32(not decided)
+        n_undecided = np.int32(n_undecided + np.int32(not decided))
     return n_undecided
 
 
