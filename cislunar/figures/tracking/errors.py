@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, StepPatch
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
@@ -159,10 +159,12 @@ def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     names = cell["outcome"].attrs["flag_meanings"].split()
     used = labels.shown(cell, "outcome")[:, target] == names.index("used")
     ends = np.concatenate([[0.0], cell["step"].values / _SECONDS_PER_HOUR])
-    axes.stairs(
+    # `Axes.stairs` would search thousands of steps for their extent, which the limits below set
+    bar = StepPatch(
         0.07 * used, ends, fill=True, color=MEASURED, linewidth=0, zorder=5,
         transform=axes.get_xaxis_transform(),
     )  # fmt: skip
+    axes.add_artist(bar)
     axes.set_xlim(0.0, ends[-1])
 
 
