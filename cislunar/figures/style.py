@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 from PIL import Image
 
 from cislunar.errors import ConfigurationError
@@ -41,8 +39,6 @@ PAGE_WIDTH_IN = 7.2
 
 RASTER_DPI = 300
 """Resolution of the PNG, and of dense layers within the PDF, dots per inch."""
-
-_EXACT_COLORS = 32
 
 _STYLE = {
     "font.family": "DejaVu Sans",
@@ -259,30 +255,10 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
 def _with_palette(drawn: io.BytesIO) -> io.BytesIO:
     """A PNG with its colors in a palette, without dithering.
 
-    The most frequent colors stay as they are. The others are grouped so that the palette covers all
-    hues, and color bars have no steps. Each color is grouped once, which takes a seventh of the
-    time of grouping pixels.
+    The palette covers all hues of the figure, so that color bars have no steps.
     """
-    image = Image.open(drawn).convert("RGB")
-    counted = sorted(image.getcolors(image.width * image.height), reverse=True)
-    colors = np.array([color for _, color in counted], dtype=np.uint8)
-    groups = 256 - _EXACT_COLORS
+    smaller = io.BytesIO()
     method = {"method": Image.Quantize.MAXCOVERAGE, "kmeans": 1, "dither": Image.Dither.NONE}
-    grouped = Image.fromarray(colors[None]).quantize(groups, **method)
-    place = np.array(grouped)[0]
-    exact = colors[:_EXACT_COLORS]
-    place[: len(exact)] = groups + np.arange(len(exact))
-    table = np.zeros(1 << 24, dtype=np.uint8)
-    table[_packed(colors)] = place
-    smaller = Image.fromarray(table[_packed(np.asarray(image))], "P")
-    palette = bytes(grouped.getpalette()).ljust(3 * groups, b"\0") + exact.tobytes()
-    smaller.putpalette(palette)
-    file = io.BytesIO()
-    smaller.save(file, "PNG", optimize=True, dpi=(RASTER_DPI, RASTER_DPI))
-    return file
-
-
-def _packed(color: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """One integer for each color (..., 3)."""
-    red, green, blue = np.moveaxis(color.astype(np.uint32), -1, 0)
-    return red << 16 | green << 8 | blue
+    colors = Image.open(drawn).convert("RGB").quantize(256, **method)
+    colors.save(smaller, "PNG", optimize=True, dpi=(RASTER_DPI, RASTER_DPI))
+    return smaller

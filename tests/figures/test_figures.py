@@ -1,6 +1,5 @@
 """Figures: their labels carry units, their content the data, their files the same bytes."""
 
-import io
 import re
 
 import numpy as np
@@ -8,7 +7,6 @@ import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
-from PIL import Image
 
 from cislunar.architecture.published import PUBLISHED_COST
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
@@ -241,25 +239,6 @@ def test_drawing_twice_gives_the_same_bytes(orbits, targets, figures, tmp_path, 
         style.save_figure(figure, tmp_path / f"{turn}.png", tmp_path / f"{turn}.pdf")
     for kind in ("png", "pdf"):
         assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
-
-
-def test_the_palette_keeps_frequent_colors_and_comes_near_all_others(
-    figures, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(style, "RASTER_DPI", 100)
-    drawn, (png, pdf) = io.BytesIO(), (tmp_path / f"library.{kind}" for kind in ("png", "pdf"))
-    style.save_figure(figures["library"], png, pdf)
-    with style.house_style():
-        figures["library"].savefig(drawn, format="png", dpi=style.RASTER_DPI)
-    before = np.asarray(Image.open(drawn).convert("RGB"), dtype=int)
-    after = Image.open(png)
-    assert after.mode == "P"
-    after = np.asarray(after.convert("RGB"), dtype=int)
-    colors, counts = np.unique(before.reshape(-1, 3), axis=0, return_counts=True)
-    assert len(colors) > 256, "every color fits into a palette"
-    for color in colors[np.argsort(-counts)[:16]]:
-        assert np.all(after[np.all(before == color, axis=2)] == color)
-    assert np.abs(after - before).max() < 20
 
 
 def test_failed_save_leaves_the_old_file(figures, tmp_path, monkeypatch):
