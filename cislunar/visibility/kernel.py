@@ -83,6 +83,7 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
             abs(nearest) > _ROUNDING * (one + distance)
         )
         undecided[i] = not decided
+        # without the conversion the sum has 64 bits, and a register half as many targets
         n_undecided = np.int32(n_undecided + np.int32(not decided))
     return n_undecided
 
