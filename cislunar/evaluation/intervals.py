@@ -168,6 +168,7 @@ _SHARES = (
     "custody_share",
     "position_custody_share",
     "attitude_custody_share",
+    "accurate_attitude_share",
 )
 """Quantities that are shares of targets."""
 

@@ -62,6 +62,9 @@ class TrackingMetrics(NamedTuple):
         Whether the last state is within `Custody`; of every target, observed or not.
     custody_position, custody_attitude : ndarray of bool, shape (target,)
         The same of the position and of the attitude alone.
+    accurate_attitude : ndarray of bool, shape (target,)
+        Whether the last attitude error is within `Custody`, also if the estimator does not take the
+        attitude as known.
     unique_share, anees_unique : ndarray, shape (target,)
         Share of the time at whose steps the attitude was known by the last status before, and the
         normalized squared error of the attitude, a mean over axes and these steps.
@@ -80,6 +83,7 @@ class TrackingMetrics(NamedTuple):
     custody: NDArray[np.bool_]
     custody_position: NDArray[np.bool_]
     custody_attitude: NDArray[np.bool_]
+    accurate_attitude: NDArray[np.bool_]
     unique_share: Array
     anees_unique: Array
 
@@ -194,7 +198,7 @@ class Evaluation:
         self._begin, self._n_final = n_steps - n_final, n_final
         self._sums = _no_sums(n_targets, n_final)
         self._observed = np.zeros(n_targets, dtype=bool)
-        self._custody, self._in_custody = custody, tuple(np.zeros((2, n_targets), dtype=bool))
+        self._custody, self._in_custody = custody, tuple(np.zeros((3, n_targets), dtype=bool))
         self._known, self._done = np.ones(n_targets, dtype=bool), 0
         self._unique = np.zeros((3, n_targets))  # steps; squares, and their number
 
@@ -229,8 +233,9 @@ class Evaluation:
         least = np.full(error.shape, np.nan) if bound is None else bound
         before = min(max(self._begin - self._done, 0), error.shape[1])
         self._observed |= np.asarray(observed)
-        position, attitude = self._custody.satisfied(error[:, -1])
-        self._in_custody = position, attitude if known is None else attitude & np.asarray(known)
+        position, accurate = self._custody.satisfied(error[:, -1])
+        attitude = accurate if known is None else accurate & np.asarray(known)
+        self._in_custody = position, attitude, accurate
         _add(before, error, sigma, least, self._sums)
         squares = (error[self._known, :, :3] / sigma[self._known, :, :3]) ** 2
         finite = np.isfinite(squares)

@@ -98,6 +98,9 @@ CHARACTERIZED = {
 WHERE_KEPT = {
     "position_custody_share": ("1", "share of all targets with the last position in custody"),
     "attitude_custody_share": ("1", "share of all targets with the last attitude in custody"),
+    "accurate_attitude_share": (
+        "1", "share of all targets with the last attitude error within task2.custody, whatever the "
+        "status"),
     "planning_gap": (
         "1", "relative amount by which schedules may fall short of the best, largest over epochs"),
     "never_visible": (
@@ -273,6 +276,8 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     for part in ("position", "attitude"):
         if f"custody_{part}" in cell:
             found[f"{part}_custody_share"] = cell[f"custody_{part}"].values.mean(axis=1)
+    if "accurate_attitude" in cell:
+        found["accurate_attitude_share"] = cell["accurate_attitude"].values.mean(axis=1)
     if "planning_gap" in cell:
         found["planning_gap"] = cell["planning_gap"].values.max(axis=1)
     if "visible" in cell:

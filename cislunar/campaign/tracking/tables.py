@@ -54,6 +54,7 @@ _POOLED_QUANTITIES = (
     ("custody_share", "", "1"),
     ("position_custody_share", "", "1"),
     ("attitude_custody_share", "", "1"),
+    ("accurate_attitude_share", "", "1"),
     ("final_error_geometric_all", "position", "km"),
     ("final_error_geometric_all", "attitude", "degree"),
     *((name, "", "1") for name in ("never_observed", "never_visible", "missed")),

@@ -38,10 +38,10 @@ _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
 LEVELS = (0.025, 0.975)
 """Quantiles at the ends of a 95 % interval."""
-_UNKNOWN_FACTOR = 1.8
-"""Factor on the intervals of period and axis of an unknown body, whose posterior has further local
-maxima, that the search does not find (empirical: cylinders and hexagonal prisms that are assumed to
-be icosahedra)."""
+UNKNOWN_FACTOR = 1.8
+"""Factor on the standard deviations of the rotation of an unknown body, whose posterior has further
+local maxima, that the search does not find (empirical: cylinders and hexagonal prisms that are
+assumed to be icosahedra)."""
 _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""
 
@@ -192,7 +192,7 @@ def characterize(
         if number < _BRIGHTNESSES:
             brightness.append(expected_rows(u, data, own)[0])
     status = attitude_status(selected, model)
-    factor = _UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
+    factor = UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
     logs = np.log(2.0 * np.pi / rates / 3600.0)
     period = np.median(logs)
     low, high = period + factor * (np.quantile(logs, LEVELS) - period)

@@ -5,7 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
+from cislunar.attitude.grp import to_quaternion
+from cislunar.attitude.quaternion import (
+    attitude_matrix,
+    compose,
+    from_rotation_vector,
+    to_body,
+    to_inertial,
+)
 from cislunar.estimation.light_curves.hypotheses import (
     Hypotheses,
     mixture_points,
@@ -20,6 +27,7 @@ from cislunar.estimation.light_curves.mixture import (
 from cislunar.estimation.light_curves.model_selection.characterization import (
     AMBIGUOUS,
     UNKNOWN_BODY,
+    UNKNOWN_FACTOR,
     agreement,
     attitude_status,
 )
@@ -132,7 +140,21 @@ def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, 
         mixture_points(modes, own, quaternion, omega, weight, deviations)
         parts.append((quaternion, omega, weight * share, deviations))
     points = tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+    if attitude_status(selected, model) == UNKNOWN_BODY:
+        points = (*_widened(*points[:3]), *points[2:])
     return _of_uncertain_frames(*points) if selected.rung in UNKNOWN_SHAPE else points
+
+
+def _widened(quaternion: Array, omega: Array, weight: Array) -> tuple[Array, Array]:
+    """Attitudes and angular velocities of points whose deviations from the mean are larger by
+    `UNKNOWN_FACTOR`. Those of angular velocities are scaled in the inertial frame, so that modes
+    that differ in attitude alone keep their common rate."""
+    center, rate, differences = np.empty(4), np.empty(3), np.empty((weight.size, ROTATION))
+    mixture_moments(quaternion, omega, weight, center, rate, differences)
+    wide = compose(to_quaternion(UNKNOWN_FACTOR * differences[:, :3]), center)
+    inertial = to_inertial(quaternion, omega)
+    mean = weight @ inertial
+    return wide, to_body(wide, mean + UNKNOWN_FACTOR * (inertial - mean))
 
 
 def _of_uncertain_frames(
