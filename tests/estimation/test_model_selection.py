@@ -18,7 +18,11 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
     ModelError,
     bins_of_rows,
 )
-from cislunar.estimation.light_curves.model_selection.in_loop import updated_selection
+from cislunar.estimation.light_curves.model_selection.in_loop import (
+    report_points,
+    reported_points,
+    updated_selection,
+)
 from cislunar.estimation.light_curves.model_selection.ladder import select_model
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.model_selection.rungs import RUNGS, model_of_rung
@@ -70,6 +74,31 @@ def test_models_are_searched_again_only_where_that_is_needed():
     assert again.selected.wide and (again.searched, again.fitted) == (400, 400)
     # afterwards the modes wait for a growth by half
     assert updated(again, data[:420]) is again
+
+
+def test_the_rotation_of_an_unknown_body_is_more_uncertain():
+    """At the epoch and after twelve hours: 1.8 times the standard deviations of the same modes if
+    the model error is large, and 5 deg about each axis besides if the shape is unknown."""
+    data, model, _, _ = simulated(_as_believed)
+    settings = ModelSelectionSettings(effort=1)
+    selected = select_model(data[:100], model, np.random.default_rng(1), settings)
+    assert selected.rung in ("known", "material")
+
+    def sigma(selected, hours):
+        points, count = reported_points(selected, model, 3600.0 * hours, 0)
+        quaternion, omega, found = np.empty(4), np.empty(3), np.empty(6)
+        report_points(points, count, quaternion, omega, found)
+        return found
+
+    unknown = selected._replace(model_error_mag=0.3)
+    evidence = dict.fromkeys(RUNGS, -10.0) | {"medium deviations": 0.0}
+    other = selected._replace(log_evidence=evidence)
+    for hours, exactness in ((0.0, 1e-3), (12.0, 0.02)):
+        usual = sigma(selected, hours)
+        np.testing.assert_allclose(sigma(unknown, hours), 1.8 * usual, rtol=exactness)
+        frame = np.deg2rad(5.0)
+        expected = np.hypot(1.8 * usual[:3], frame)
+        np.testing.assert_allclose(sigma(other, hours)[:3], expected, rtol=max(exactness, 5e-3))
 
 
 def test_an_unknown_noise_is_estimated_with_the_model():

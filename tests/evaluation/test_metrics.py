@@ -135,10 +135,14 @@ def test_custody_is_of_the_last_state_of_every_target():
     np.testing.assert_array_equal(found.custody, [True, False, False, False, True])
     np.testing.assert_array_equal(found.custody_position, [True, False, True, False, True])
     np.testing.assert_array_equal(found.custody_attitude, [True, True, False, True, True])
+    np.testing.assert_array_equal(found.accurate_attitude, found.custody_attitude)
     assert found.status[4] == NEVER_OBSERVED
     wide = metrics.Evaluation(5, N_STEPS, STEP_S, metrics.Custody(12.0, 7.0))
-    wide.update(error, np.ones_like(error), used.any(axis=1))
-    np.testing.assert_array_equal(wide.result().custody, [True, True, True, False, True])
+    known = [True, True, True, True, False]
+    wide.update(error, np.ones_like(error), used.any(axis=1), known=known)
+    np.testing.assert_array_equal(wide.result().custody, [True, True, True, False, False])
+    np.testing.assert_array_equal(wide.result().custody_attitude, known)
+    assert wide.result().accurate_attitude.all()
     with pytest.raises(ConfigurationError, match="position_km = 0 must be a number above 0"):
         metrics.Custody(position_km=0)
 
