@@ -115,13 +115,17 @@ def reported_points(
 ) -> tuple[tuple[Array, ...], int]:
     """Attitude, angular velocity, weight and rotation deviations of the points of a selection at a
     time after the epoch, in arrays of at least `room` points, and the number of points."""
-    points = _points_of(selected, model)
+    quaternion, omega, weight, deviations = _points_of(selected, model)
+    step_points(quaternion, omega, deviations, elapsed_s, model)
+    if attitude_status(selected, model) == UNKNOWN_BODY:
+        quaternion, omega = _widened(quaternion, omega, weight)
+    points = quaternion, omega, weight, deviations
+    if selected.rung in UNKNOWN_SHAPE:
+        points = _of_uncertain_frames(*points)
     count = points[2].size
     out = tuple(np.zeros((max(count, room), *each.shape[1:])) for each in points)
     for array, each in zip(out, points, strict=True):
         array[:count] = each
-    quaternion, omega, _, deviations = out
-    step_points(quaternion[:count], omega[:count], deviations[:count], elapsed_s, model)
     return out, count
 
 
@@ -139,10 +143,7 @@ def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, 
         quaternion, omega, weight, deviations = (np.empty(shape) for shape in shapes)
         mixture_points(modes, own, quaternion, omega, weight, deviations)
         parts.append((quaternion, omega, weight * share, deviations))
-    points = tuple(np.concatenate(each) for each in zip(*parts, strict=True))
-    if attitude_status(selected, model) == UNKNOWN_BODY:
-        points = (*_widened(*points[:3]), *points[2:])
-    return _of_uncertain_frames(*points) if selected.rung in UNKNOWN_SHAPE else points
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
 def _widened(quaternion: Array, omega: Array, weight: Array) -> tuple[Array, Array]:
