@@ -61,7 +61,8 @@ class TrackingMetrics(NamedTuple):
     custody : ndarray of bool, shape (target,)
         Whether the last state is within `Custody`; of every target, observed or not.
     custody_position, custody_attitude : ndarray of bool, shape (target,)
-        The same of the position and of the attitude alone.
+        The same of the position alone, and of the attitude alone if the estimator takes it as
+        known.
     accurate_attitude : ndarray of bool, shape (target,)
         Whether the last attitude error is within `Custody`, also if the estimator does not take the
         attitude as known.
@@ -198,7 +199,7 @@ class Evaluation:
         self._begin, self._n_final = n_steps - n_final, n_final
         self._sums = _no_sums(n_targets, n_final)
         self._observed = np.zeros(n_targets, dtype=bool)
-        self._custody, self._in_custody = custody, tuple(np.zeros((3, n_targets), dtype=bool))
+        self._custody, self._within = custody, tuple(np.zeros((3, n_targets), dtype=bool))
         self._known, self._done = np.ones(n_targets, dtype=bool), 0
         self._unique = np.zeros((3, n_targets))  # steps; squares, and their number
 
@@ -235,7 +236,7 @@ class Evaluation:
         self._observed |= np.asarray(observed)
         position, accurate = self._custody.satisfied(error[:, -1])
         attitude = accurate if known is None else accurate & np.asarray(known)
-        self._in_custody = position, attitude, accurate
+        self._within = position, attitude, accurate
         _add(before, error, sigma, least, self._sums)
         squares = (error[self._known, :, :3] / sigma[self._known, :, :3]) ** 2
         finite = np.isfinite(squares)
@@ -272,8 +273,8 @@ class Evaluation:
             np.sqrt(_mean_where_finite(sums.turn)),
             np.sqrt(_quotient(sums.error, both) / _quotient(sums.bound, both)),
             np.rad2deg(np.sqrt(_mean_where_finite(sums.least))),
-            self._in_custody[0] & self._in_custody[1],
-            *self._in_custody,
+            self._within[0] & self._within[1],
+            *self._within,
             self._unique[0] / self._done,
             _quotient(self._unique[1], self._unique[2]),
         )

@@ -33,6 +33,7 @@ def test_a_cell_has_the_documented_content(tracked_cell):
         "custody": ("seed", "target"),
         "custody_position": ("seed", "target"),
         "custody_attitude": ("seed", "target"),
+        "accurate_attitude": ("seed", "target"),
         "anees": ("seed", "target", "component"),
         "rmse": ("seed", "target", "component"),
         "bound": ("seed", "time", "target", "component"),
@@ -79,6 +80,7 @@ def test_metrics_agree_with_the_stored_histories(sources, full_cell):
     shares = seed_statistics(found)
     np.testing.assert_allclose(shares["position_custody_share"], (away <= limit).mean(axis=1))
     assert np.all(shares["attitude_custody_share"] == 1.0)
+    assert np.all(shares["accurate_attitude_share"] == 1.0)
 
 
 def test_a_rerun_writes_the_same_bytes(sources, tracked_cell, tmp_path):

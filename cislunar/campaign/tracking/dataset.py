@@ -355,10 +355,10 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
             "1 where the last position is within task2.custody"),
         "custody_attitude": (
             target, found.custody_attitude.astype(np.int8), "1",
-            "1 where the last attitude is within task2.custody, and known by its status"),
+            "1 where the last attitude is within task2.custody, and reported as known"),
         "accurate_attitude": (
             target, found.accurate_attitude.astype(np.int8), "1",
-            "1 where the last attitude error is within task2.custody, whatever its status"),
+            "1 where the last attitude error is within task2.custody, reported as known or not"),
         "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
         "rmse": (axes, found.rmse, _SEVERAL, "root mean square error"),
         "status": (target, found.status, "1", f"status of the target{_INCONSISTENT}"),

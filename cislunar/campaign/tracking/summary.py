@@ -99,8 +99,8 @@ WHERE_KEPT = {
     "position_custody_share": ("1", "share of all targets with the last position in custody"),
     "attitude_custody_share": ("1", "share of all targets with the last attitude in custody"),
     "accurate_attitude_share": (
-        "1", "share of all targets with the last attitude error within task2.custody, whatever the "
-        "status"),
+        "1", "share of all targets with the last attitude error within task2.custody, reported as "
+        "known or not"),
     "planning_gap": (
         "1", "relative amount by which schedules may fall short of the best, largest over epochs"),
     "never_visible": (

@@ -325,7 +325,7 @@ class BatchEstimator:
             selection = updated_selection(*given, known)
             elapsed = (self._index - int(tracks.fit.epoch[j])) * self._scene.step_s
             room = tracks.points[j][2].size
-            points, count = reported_points(selection.selected, model, elapsed, room)
+            points, count = reported_points(selection, model, elapsed, room)
             tracks.selections[j], tracks.points[j] = selection, points
             tracks.fit.points[j] = count
             if out.sigma.shape[1] > 0:

@@ -39,9 +39,9 @@ _ROTATIONS, _BRIGHTNESSES = 1000, 40
 LEVELS = (0.025, 0.975)
 """Quantiles at the ends of a 95 % interval."""
 UNKNOWN_FACTOR = 1.8
-"""Factor on the standard deviations of the rotation of an unknown body, whose posterior has further
-local maxima, that the search does not find (empirical: cylinders and hexagonal prisms that are
-assumed to be icosahedra)."""
+"""Factor on the intervals of period and axis, and on the deviations of attitude and angular
+velocity, of an unknown body, whose posterior has further local maxima, that the search does not
+find (empirical: intervals of cylinders and hexagonal prisms that are assumed to be icosahedra)."""
 _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""
 

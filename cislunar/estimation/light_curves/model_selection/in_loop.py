@@ -111,16 +111,17 @@ def updated_selection(
 
 
 def reported_points(
-    selected: SelectedModel, model: LightCurveModel, elapsed_s: float, room: int
+    selection: Selection, model: LightCurveModel, elapsed_s: float, room: int
 ) -> tuple[tuple[Array, ...], int]:
     """Attitude, angular velocity, weight and rotation deviations of the points of a selection at a
-    time after the epoch, in arrays of at least `room` points, and the number of points."""
-    quaternion, omega, weight, deviations = _points_of(selected, model)
+    time after the epoch, in arrays of at least `room` points, and the number of points. Those of an
+    unknown body are widened, and have an uncertain body frame if its shape is unknown."""
+    quaternion, omega, weight, deviations = _points_of(selection.selected, model)
     step_points(quaternion, omega, deviations, elapsed_s, model)
-    if attitude_status(selected, model) == UNKNOWN_BODY:
-        quaternion, omega = _widened(quaternion, omega, weight)
+    if selection.status == UNKNOWN_BODY:
+        quaternion, omega = widened_points(quaternion, omega, weight)
     points = quaternion, omega, weight, deviations
-    if selected.rung in UNKNOWN_SHAPE:
+    if selection.selected.rung in UNKNOWN_SHAPE:
         points = _of_uncertain_frames(*points)
     count = points[2].size
     out = tuple(np.zeros((max(count, room), *each.shape[1:])) for each in points)
@@ -146,10 +147,11 @@ def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, 
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
-def _widened(quaternion: Array, omega: Array, weight: Array) -> tuple[Array, Array]:
+def widened_points(quaternion: Array, omega: Array, weight: Array) -> tuple[Array, Array]:
     """Attitudes and angular velocities of points whose deviations from the mean are larger by
-    `UNKNOWN_FACTOR`. Those of angular velocities are scaled in the inertial frame, so that modes
-    that differ in attitude alone keep their common rate."""
+    `UNKNOWN_FACTOR`, as GRP (up to rotations of 180 deg, beyond which the shorter rotation counts).
+    Angular velocities are scaled in the inertial frame, so that modes that differ in attitude alone
+    keep their common rate. Their mean in the body frames, which deviate more, is smaller."""
     center, rate, differences = np.empty(4), np.empty(3), np.empty((weight.size, ROTATION))
     mixture_moments(quaternion, omega, weight, center, rate, differences)
     wide = compose(to_quaternion(UNKNOWN_FACTOR * differences[:, :3]), center)
