@@ -76,20 +76,33 @@ def _closure(paths: Iterable[Path], imports: Callable[[Path], Iterable[Path]]) -
 
 def drop_stale_kernels() -> list[str]:
     """Remove the cached kernels of files that, or whose imports, have changed; returns the file
-    names. It has to be called before any kernel. A read-only cache is left as it is."""
-    now = {str(path.relative_to(_PACKAGE)): stamp for path, stamp in stamps().items()}
+    names. It has to be called before any kernel. A read-only cache is left as it is. The sources
+    are read only if the size or the time of one of them has changed."""
     with contextlib.suppress(OSError), _one_at_a_time("dropping_kernels"):
         record = _common_place() / "kernels.json"
         before = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
-        changed = [name for name, stamp in now.items() if before.get(name) != stamp]
+        files = _sizes_and_times()
+        if before.get("files") == files:
+            return []
+        now = {str(path.relative_to(_PACKAGE)): stamp for path, stamp in stamps().items()}
+        old = before.get("stamps", {})
+        changed = [name for name, stamp in now.items() if old.get(name) != stamp]
         for name in changed:
             source = _PACKAGE / name
             for path in _cache_of(source).glob(f"{source.stem}.*.nb[ic]"):
                 path.unlink(missing_ok=True)
-        if changed:
-            record.write_text(json.dumps(now), encoding="utf-8")
+        record.write_text(json.dumps({"files": files, "stamps": now}), encoding="utf-8")
         return changed
     return []
+
+
+def _sizes_and_times() -> str:
+    """A digest of the sizes and times of modification of all files of the library."""
+    digest = hashlib.sha256()
+    for path in sorted(map(str, _PACKAGE.rglob("*.py"))):
+        state = os.stat(path)
+        digest.update(f"{path} {state.st_size} {state.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
 
 
 def _cache_of(source: Path) -> Path:
