@@ -15,6 +15,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -77,8 +78,14 @@ class Checkpoint:
             for loop in loop.split_by_realization()
         ]
 
-    def run(self, progress: Progress | None = None, *, realization: int | None = None) -> None:
-        """Run the rest of the loop, or of one realization, which is then stored.
+    def run(
+        self,
+        progress: Progress | None = None,
+        *,
+        pieces: int | None = None,
+        realization: int | None = None,
+    ) -> None:
+        """Run the rest of the loop, or `pieces` pieces of it; or one realization, which is stored.
 
         `progress` is called with (tasking epochs done, those of all that is run).
         """
@@ -89,13 +96,13 @@ class Checkpoint:
         if done := sum(each.loop.state.done for each in realizations):
             logger.info("going on from a checkpoint: %d of %d tasking epochs are done", done, total)
         last = time.monotonic()
-        for _ in _all_steps(realizations, progress):
+        for _ in islice(_all_steps(realizations, progress), pieces):
             if time.monotonic() - last >= self._least_s:
                 self._save()
                 last = time.monotonic()
         if realization is not None:
             self._save()
-        else:
+        elif pieces is None:
             self._loop.collect_states([each.loop for each in realizations])
 
     def _save(self) -> None:
