@@ -309,7 +309,7 @@ def exponents_table(table: pd.DataFrame) -> str:
 
 def large_table(table: pd.DataFrame) -> str:
     """Time of the large campaign, in proportion to its length, in Markdown."""
-    header = ["estimator", "2 h, measured, s", "30 days, one core per realization, h"]
+    header = ["estimator", "processor time of 2 h, s", "processor time of 30 days in proportion, h"]
     rows = []
     for estimator in table["estimator"].unique():
         own = table[table["estimator"] == estimator]
@@ -345,7 +345,7 @@ def threads_table(table: pd.DataFrame) -> str:
             speedup = some.elapsed_s.iloc[0] / row.elapsed_s
             size, name = f"{targets:,} x {observers}", ESTIMATOR_NAMES[estimator]
             rows.append([size, name, str(row.threads), f"{row.elapsed_s:.0f}", f"{speedup:.2f}"])
-    head = ["targets x observers", "estimator", "threads", "time of a day, s", "speedup"]
+    head = ["targets x observers", "estimator", "threads", "elapsed time of a day, s", "speedup"]
     return markdown_table(head, rows)
 
 
@@ -361,8 +361,8 @@ def month_table(table: pd.DataFrame) -> str:
         f"{minutes:.0f}",
     ]
     row += [f"{days.min():.0f} to {days.max():.0f}", str(table["peak_mb"].max())]
-    head = ["targets x observers", "estimator", "threads", "days", "total time, min"]
-    return markdown_table([*head, "time of a day, s", "peak memory, MB"], [row])
+    head = ["targets x observers", "estimator", "threads", "days", "total elapsed time, min"]
+    return markdown_table([*head, "elapsed time of a day, s", "peak memory, MB"], [row])
 
 
 def largest_table(table: pd.DataFrame) -> str:
@@ -371,8 +371,10 @@ def largest_table(table: pd.DataFrame) -> str:
     day = setup + first["hours"] * sum(intervals) / len(intervals)
     row = [f"{first['targets']:,} x {first['observers']:,}", ESTIMATOR_NAMES[first["estimator"]]]
     row += [f"{setup:.0f}", ", ".join(f"{each:.0f}" for each in intervals), f"{day / 60.0:.0f}"]
-    head = ["targets x observers", "estimator", "setup, s", "hours measured, s", "24 h, min"]
-    return markdown_table([*head, "peak memory, MB"], [[*row, f"{table['peak_mb'].max():,}"]])
+    times = ["setup, s", f"hours 1 to {len(intervals)}, s", "24 h in proportion, min"]
+    times = [f"processor time of {each}" for each in times]
+    head = ["targets x observers", "estimator", *times, "peak memory, MB"]
+    return markdown_table(head, [[*row, f"{table['peak_mb'].max():,}"]])
 
 
 def describe(table: pd.DataFrame) -> None:

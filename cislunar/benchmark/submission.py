@@ -76,7 +76,7 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     InputFileError
         If a file cannot be read; if a frame, a time scale or an identifier is unknown, a value is
         not finite, a covariance is not positive definite, an object has no state at a scoring epoch
-        within its arc, or none at any. The message names the file.
+        between its first and its last state, or none at any. The message names the file.
     """
     root = Path(path)
     if not root.exists():
@@ -89,9 +89,15 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     table = scenario.forces().table
     epochs = scenario.scoring_tdb
     found: list[dict[str, tuple[Array, Array]]] = [{} for _ in epochs]
+    arcs: dict[str, tuple[str, float, float]] = {}
     for source in sources:
         for segment in _READERS[source.suffix.lower()](source):
             _take(source, segment, epochs, table, found)
+            first, last = segment.tdb_s[[0, -1]].tolist()
+            _, earlier, later = arcs.get(segment.name, ("", first, last))
+            place = f"{source}, object {segment.name!r}"
+            arcs[segment.name] = place, min(first, earlier), max(last, later)
+    _require_complete_arcs(arcs, epochs, found)
     if not any(found):
         first, last = dates(epochs[[0, -1]])
         raise InputFileError(
@@ -118,19 +124,14 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
 def _take(
     source: Path, segment: Segment, epochs: Array, table: BodyTable, found: list[dict]
 ) -> None:
-    """Add the states of an arc at scoring epochs to those found."""
+    """Add the states of a segment at scoring epochs to those found."""
     name, times = segment.name, segment.tdb_s
     place = f"{source}, object {name!r}"
     for number, epoch in enumerate(epochs.tolist()):
         k = int(np.argmin(np.abs(times - epoch)))
-        date = dates([epoch])[0]
         if abs(times[k] - epoch) > _SAME_S:
-            if times[0] < epoch < times[-1]:
-                raise InputFileError(
-                    f"{place}: has no state at {date}, a scoring epoch within its arc; give one, "
-                    "or begin another object after a gap"
-                )
             continue
+        date = dates([epoch])[0]
         if name in found[number]:
             raise InputFileError(f"{place}: has two states at {date}; give one")
         state = recenter(segment.state[k], table, epoch, old=CENTERS[segment.center], new="earth")
@@ -140,6 +141,19 @@ def _take(
             matrix = segment.covariance[at]
             _require_positive(f"{place}, {date}", matrix)
         found[number][name] = state, matrix
+
+
+def _require_complete_arcs(
+    arcs: dict[str, tuple[str, float, float]], epochs: Array, found: list[dict]
+) -> None:
+    """Refuse an object without a state at a scoring epoch between its first and last state."""
+    for name, (place, first, last) in arcs.items():
+        for epoch, states in zip(epochs.tolist(), found, strict=True):
+            if first < epoch < last and name not in states:
+                raise InputFileError(
+                    f"{place}: has no state at {dates([epoch])[0]}, a scoring epoch within its "
+                    "arc; give one, or begin another object after a gap"
+                )
 
 
 def _require_positive(place: str, matrix: Array) -> None:

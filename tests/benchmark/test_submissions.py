@@ -50,10 +50,13 @@ def test_gaps_repeated_states_and_impossible_covariances_are_refused(made, truth
     times = scenario.scoring_tdb
     (arc,) = arcs(scenario, truth, [0])
     gap = arc._replace(tdb_s=times + np.array([-600.0, 600.0]))
+    before = arc._replace(tdb_s=times[0] - np.array([3600.0, 600.0]))
+    after = arc._replace(tdb_s=np.array([times[0] + 600.0, times[1]]))
     wrong = np.eye(6)
     wrong[0, 1] = wrong[1, 0] = 1.5
     for segments, words in (
         ([gap], "no state at 2027-03-01T03:00:00Z, a scoring epoch within its arc"),
+        ([before, after], "no state at 2027-03-01T03:00:00Z, a scoring epoch within its arc"),
         ([arc, arc], "two states at 2027-03-01T03:00:00Z"),
         (arcs(scenario, truth, [0], covariance=wrong), "covariance is not positive definite"),
         (arcs(scenario, truth, [0], covariance=-np.eye(6)), "covariance is not positive definite"),

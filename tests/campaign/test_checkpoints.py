@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pytest
 
+from benchmarks import scaling
 from cislunar.campaign.tracking.checkpoint import Checkpoint
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.observation.sensor import Sensor
@@ -82,6 +83,21 @@ def test_realizations_run_separately_are_read_from_disk(tmp_path, whole):
     found, first = run(tmp_path / "kept")
     assert first is None, "a realization was run again"
     assert_same(found, whole["mukf"])
+
+
+def test_pieces_are_run_one_at_a_time(tmp_path, whole):
+    """Six days of two realizations, each by an object of its own."""
+    for number in range(1, 7):
+        Checkpoint(tmp_path / "kept", loop_of(), MADE_BY, least_s=0.0).run(pieces=1)
+        assert len([*tmp_path.rglob("pieces-*.pickle")]) == number
+    found, first = run(tmp_path / "kept")
+    assert first is None, "a day was run again"
+    assert_same(found, whole["mukf"])
+
+
+def test_memory_is_measured_after_every_day():
+    rows = scaling._days("mukf", {"targets": 2, "observers": 2, "days": 2, "worked_through": 2})
+    assert [day for day, _, _ in rows] == [1, 2]
 
 
 def test_a_short_run_leaves_nothing_on_disk(tmp_path, whole):
