@@ -1,6 +1,6 @@
 """Processor time of a catalog from detections without identity.
 
-    python benchmarks/linking.py [--size small] [--other FOLDER] [--rounds 2]
+    python benchmarks/linking.py [--size medium] [--other FOLDER] [--rounds 1]
 
 The detections of a benchmark (docs/benchmark.md) are linked from nothing by the method of the
 library, and by the nearest neighbor as the obvious alternative, each in a fresh process with

@@ -9,6 +9,7 @@ transition matrices and of a step under ephemeris forces. Ratios measured in one
 less on the machine than times.
 """
 
+import argparse
 import importlib.util
 import time
 
@@ -295,6 +296,7 @@ def from_canonical(canonical: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     """Run every comparison."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     start = time.perf_counter()
     count = len(observer_library().period)
     print(

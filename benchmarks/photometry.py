@@ -1,10 +1,11 @@
 """Time of one apparent magnitude: compiled kernel against plain NumPy, and bodies with shadows.
 
-Run ``python benchmarks/photometry.py``. Prints the best of several repeats, in microseconds per
-magnitude, and the time ratios of NumPy to the compiled kernel of one geometry and of the latter to
-the kernel of blocks. It exits with an error if they disagree. A body with shadows and several
-materials is compared with the convex kernel on the same facets, measured in turn; the directions
-are random, and those of a slow tumble.
+    python benchmarks/photometry.py [--geometries 5000] [--repeats 20]
+
+Prints the best of several repeats, in microseconds per magnitude, and the time ratios of NumPy to
+the compiled kernel of one geometry and of the latter to the kernel of blocks. It exits with an
+error if they disagree. A body with shadows and several materials is compared with the convex kernel
+on the same facets, measured in turn; the directions are random, and those of a slow tumble.
 """
 
 import argparse

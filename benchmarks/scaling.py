@@ -1,6 +1,6 @@
 """How the cost of tracking grows with targets, observers, realizations and length.
 
-    python benchmarks/scaling.py [--redraw | --memory | --threads | --month | --largest]
+    python -m benchmarks.scaling [--redraw | --memory | --threads | --month | --largest]
 
 Processor time and memory of closed loops are measured around a usual size, each in a process of its
 own, with one size varied at a time. The results go to ``docs/scaling.csv`` and

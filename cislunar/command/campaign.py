@@ -118,6 +118,10 @@ def run(
 ) -> None:
     """Run the campaign, or only the given files and stages.
 
+    Without --configfile, this makes the figures, tables and claims of the paper; add
+    `-- everything` for all results. With --configfile, it makes all that the files request, except
+    surveys and comparisons of association and of maneuvers, which have targets of their own.
+
     The same command continues an interrupted campaign. Arguments after -- are passed to Snakemake
     unchanged.
 

@@ -90,7 +90,7 @@ def export(
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --output observations.tdm
       cislunar export results/task2/A/tpe/mukf/nt20_dt60.nc --data truth --output truth.aem
       cislunar export results/replay/A/published/mukf/nt20_dt60.nc --output replay.html
-      cislunar export results/replay/survey/everything/0.nc --output replay.html
+      cislunar export results/survey/replay/survey/everything/0.nc --output replay.html
     """
     from cislunar.exchange import CENTERS
     from cislunar.runtime.netcdf import read_dataset, write_text
@@ -120,7 +120,9 @@ def export(
         )
     found = read_dataset(cell)
     if "target_id" not in found or "settings" not in found.attrs:
-        raise InputFileError(f"{cell}: is no cell of tracking; give a file of results/task2")
+        raise InputFileError(
+            f"{cell}: is no tracking cell, study or record of a survey; give such a file"
+        )
     if realization >= found.sizes["seed"]:
         raise ConfigurationError(
             f"--realization {realization}: the cell has {found.sizes['seed']}, counted from 0"

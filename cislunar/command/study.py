@@ -23,8 +23,8 @@ def study(file: str, output: str | None, seeds: int | None, check: bool) -> None
     """Track your own targets with your own observers.
 
     FILE is a study in YAML: `observers` and `targets` with names and orbits, `epoch`, and settings
-    that differ from the defaults. The results are a data set, a summary, an OEM, a table of states
-    and figures.
+    that differ from the defaults. The results are a data set, a summary, an OEM, a table of
+    states, a TDM of the measurements, and figures.
 
     \b
     Example of a file:

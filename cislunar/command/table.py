@@ -29,7 +29,8 @@ UNITS = click.option(
     type=click.Choice(["km", "nd"]),
     default="km",
     show_default=True,
-    help="Units of states: km and km/s, or nondimensional (Earth-Moon distances and 1/n).",
+    help="Units of states: km and km/s, or nondimensional (lengths in Earth-Moon distances of "
+    "384,400 km, times in 375,190 s, a month divided by 2 pi).",
 )
 TIME_SYSTEM = click.option(
     "--time-system",

@@ -26,6 +26,10 @@ _LONGEST_DAYS = 1000.0
 
 _SPEED = LENGTH_UNIT_KM / TIME_UNIT_S
 
+_WITHIN_BOUNDS = 3.0
+"""Nondimensional states whose components are at most this large are within all bounds: at most 5.2
+units from the barycenter and at an inertial speed of at most 9.5 units, 9.7 km/s."""
+
 
 def check_position(
     place: str, names: Sequence[str], position: Sequence[float], unit: str, remedy: str = ""
@@ -90,6 +94,8 @@ def require_nondimensional(name: str, given: ArrayLike) -> None:
     if values.ndim == 0 or values.size == 0 or values.shape[-1] not in (3, 6):
         return  # a wrong shape is reported elsewhere
     rows = values.reshape(-1, values.shape[-1])
+    if np.abs(rows).max() <= _WITHIN_BOUNDS:
+        return
     remedy = (
         "; divide km by LENGTH_UNIT_KM of cislunar.constants, km/s by LENGTH_UNIT_KM / TIME_UNIT_S"
     )

@@ -7,8 +7,8 @@ observations is that of `cislunar.exchange.observations`, and columns that the s
 have are not written.
 
 The standard limits the digits of numbers, to which they are rounded: 1e-9 deg (4 microarcsec),
-5 digits of standard deviations and magnitudes, and 1e-6 km of positions near the Moon. What has
-been read is written unchanged. Leap seconds are not supported.
+6 digits of magnitudes, `rmsRA` and `rmsDec`, 5 of `rmsMag`, and 1e-6 km of positions near the Moon.
+What has been read is written unchanged. Leap seconds are not supported.
 """
 
 import re

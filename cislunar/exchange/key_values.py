@@ -1,8 +1,8 @@
 """Keyword-value notation of CCSDS messages: lines, metadata, dates and numbers.
 
 Used by the orbit ephemeris, orbit comprehensive, tracking data and attitude ephemeris messages of
-this package. Lines of comments are skipped. Frames are the ICRF and those within 0.02 arcsec of it.
-Truncated files are refused in one line that names the place, unlike by the readers on PyPI (oem
+this package. Lines of comments are skipped. Frames are the ICRF and those within 0.024 arcsec of
+it. Truncated files are refused in one line that names the place, unlike by the readers on PyPI (oem
 0.4.5, ccsds-ndm 3.1.1).
 """
 

@@ -260,7 +260,10 @@ def test_the_command_names_what_is_missing(results, tmp_path):
     assert "no ephemeris/sun.nc in the folders above it; give --ephemeris FILE" in done.stderr
     sun = results.parents[4] / "ephemeris/sun.nc"
     done = export(sun, "--output", tmp_path / "a.oem")
-    assert done.exit_code == FAILED and "is no cell of tracking" in done.stderr
+    assert (
+        done.exit_code == FAILED
+        and "is no tracking cell, study or record of a survey" in done.stderr
+    )
     assert export(lone, "--ephemeris", sun, "--output", tmp_path / "a.oem").exit_code == 0
 
 

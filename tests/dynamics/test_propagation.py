@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
-from cislunar.constants import MU
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics import bounds
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import (
     CR3BP,
@@ -215,3 +216,13 @@ def test_impossible_settings_are_named(kwargs, message):
     settings = {"state": GENERIC, "times": [1.0], **kwargs}
     with pytest.raises(ConfigurationError, match=message):
         propagate(settings.pop("state"), settings.pop("times"), **settings)
+
+
+def test_states_that_are_not_examined_are_within_the_bounds():
+    """At random and at the corners of the cube, in which components are largest."""
+    rng = np.random.default_rng(3)
+    states = bounds._WITHIN_BOUNDS * rng.uniform(-1.0, 1.0, (100_000, 6))
+    states[:50_000] = bounds._WITHIN_BOUNDS * rng.choice([-1.0, 1.0], (50_000, 6))
+    assert bounds._excess_km_s(states).max() < bounds._LARGEST_EXCESS_KM_S
+    distance_km = LENGTH_UNIT_KM * np.linalg.norm(states[:, :3], axis=1)
+    assert distance_km.max() < bounds._FURTHEST_KM

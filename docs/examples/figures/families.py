@@ -2,10 +2,10 @@
 Families of periodic orbits
 ===========================
 
-Six families of the candidate observer orbits with seven members each, colored by stability index.
-A position error on an orbit of index 1 does not grow, whereas on an orbit of index 1000 it grows by
-about a factor of 2000 in each period. Halo and butterfly families are projected on the y-z plane,
-planar families on the x-y plane of the Earth-Moon rotating frame.
+Six families of the candidate observer orbits with seven members each, colored by stability index. A
+position error on an orbit of index 1 does not grow exponentially, whereas on an orbit of index 1000
+it grows by about a factor of 2000 in each period. Halo and butterfly families are projected on the
+y-z plane, planar families on the x-y plane of the Earth-Moon rotating frame.
 """
 
 import matplotlib.pyplot as plt

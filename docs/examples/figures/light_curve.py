@@ -3,7 +3,7 @@ Light curves of tumbling bodies
 ===============================
 
 Apparent magnitude of an icosahedron and of two finer polyhedra with the same rotation, over six
-hours at a range of 50 000 km and a phase angle of 53 degrees. The fewer facets a body has, the more
+hours at a range of 50,000 km and a phase angle of 53 degrees. The fewer facets a body has, the more
 information its light curve contains about the attitude.
 """
 
@@ -31,6 +31,6 @@ for name, facets in (
     magnitude = cs.apparent_magnitude(attitude, [1.0, 0.0, 0.0], [0.6, 0.8, 0.0], 5.0e7, facets)
     panel.plot(hours, magnitude, label=name)
 panel.invert_yaxis()
-panel.set(xlabel="time, h", ylabel="magnitude", title="Range 50 000 km, phase angle 53 degrees")
+panel.set(xlabel="time, h", ylabel="magnitude", title="Range 50,000 km, phase angle 53 degrees")
 panel.grid(alpha=0.3)
 panel.legend()

@@ -2,7 +2,7 @@
 Effect of single forces
 =======================
 
-How far does a trajectory deviate if one force is added or omitted? A spacecraft starts 63 000 km
+How far does a trajectory deviate if one force is added or omitted? A spacecraft starts 63,000 km
 from the Moon, with Earth, Moon and Sun from the DE421 ephemeris. Over a week its position is
 compared with that under the default forces: with solar radiation pressure added, and without the
 harmonics J2 and C22 of the lunar gravity field.

@@ -66,7 +66,7 @@ winged = build_body(box_with_wings(), {"bus": FOIL, "cells": PANEL, "wing": PAIN
 # %%
 # Light curves
 # ------------
-# The bodies make one rotation about the z axis at a range of 50 000 km, with the Sun along x and a
+# The bodies make one rotation about the z axis at a range of 50,000 km, with the Sun along x and a
 # phase angle of 53 degrees. Glints occur where a facet normal bisects the directions to Sun and
 # observer.
 
