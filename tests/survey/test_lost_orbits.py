@@ -15,6 +15,7 @@ from cislunar.survey.maneuvers import (
     FieldHistory,
     Watch,
     maneuvered_orbits,
+    misses,
     orbit_paths,
 )
 
@@ -88,3 +89,24 @@ def test_the_probability_of_no_detection_is_that_of_single_exposures():
     expected = np.log(np.sum(density * each) * (offsets[1] - offsets[0]))
     assert missed[0] == pytest.approx(expected, abs=0.05)
     assert missed[0] < -2.0
+
+
+def test_no_field_that_contains_a_position_is_left_out():
+    """At random, and with positions at the edge of a field to rounding."""
+    rng = np.random.default_rng(8)
+    n_exposures, n_positions = 200, 6
+    boresight = rng.standard_normal((n_exposures, 3))
+    boresight /= np.linalg.norm(boresight, axis=1, keepdims=True)
+    half_field, observer = rng.uniform(0.01, 0.4, n_exposures), rng.integers(3, size=n_exposures)
+    observers, spread = rng.standard_normal((3, 3)), rng.uniform(0.0, 0.02, n_positions)
+    position = rng.standard_normal((n_positions, 3))
+    away = position - observers[observer, None]
+    distance = np.linalg.norm(away, axis=2)
+    off = np.arccos(np.einsum("eni,ei->en", away, boresight) / distance)
+    margin = misses._MARGIN * spread / distance
+    half_field[:50] = (off + margin)[:50, 0]
+    fields = misses.FieldHistory(np.zeros(n_exposures, int), observer, boresight, half_field)
+    inside = (off + margin <= half_field[:, None]).any(axis=1)
+    near = misses._near_fields(fields, slice(0, n_exposures), observers, position, spread)
+    assert set(np.flatnonzero(inside)) | set(range(50)) <= set(near)
+    assert 50 < near.size < 150 and set(near) <= set(np.flatnonzero(inside)) | set(range(50))

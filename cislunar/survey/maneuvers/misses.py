@@ -41,6 +41,9 @@ _MARGIN = 3.0
 _NEXT = np.deg2rad(0.02)
 """Distance within which a detection, besides these standard deviations, may be of the orbit."""
 
+_TOLERANCE = 1e-9
+"""Of the angles by which exposures are chosen for closer examination; far above rounding."""
+
 
 class FieldHistory(NamedTuple):
     """Exposures of a survey so far, sorted by time.
@@ -147,9 +150,14 @@ def log_missed(
         position, spread = _predicted(paths, which[unseen], time)
         good = np.isfinite(position).all(axis=1)
         unseen, position, spread = unseen[good], position[good], spread[good]
+        near = now.start + _near_fields(
+            fields, now, scene.observer_position[:, k], position, spread
+        )
+        if near.size == 0:
+            continue
         margin = views(scene, limits, k, position, eclipse=True).margin
         seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
-        for e in range(now.start, now.stop):
+        for e in near.tolist():
             o = int(fields.observer[e])
             way = position - scene.observer_position[o, k]
             distance = np.linalg.norm(way, axis=1)
@@ -170,6 +178,19 @@ def log_missed(
     out += np.log1p(-_TRUST * best)
     each = np.logaddexp(np.log(_DARK), np.log1p(-_DARK) + out).sum(axis=2)
     return logsumexp(each, axis=1, b=_SHARE / _SHARE.sum())
+
+
+def _near_fields(
+    fields: FieldHistory, now: slice, observer_position: Array, position: Array, spread: Array
+) -> Indices:
+    """Exposures of a slice, counted from its start, whose fields contain any of the positions with
+    the margin, or nearly do: no other exposure needs to be examined."""
+    away = position - observer_position[fields.observer[now], None]
+    distance = np.sqrt(np.einsum("eni,eni->en", away, away))
+    cosine = np.einsum("eni,ei->en", away, fields.boresight[now]) / distance
+    edge = fields.half_field[now, None] - _MARGIN * spread / distance
+    inside = (edge > -_TOLERANCE) & (cosine > np.cos(np.maximum(edge, 0.0)) - _TOLERANCE)
+    return np.flatnonzero(inside.any(axis=1))
 
 
 def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
