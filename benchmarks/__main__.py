@@ -26,7 +26,8 @@ def main() -> None:
     unknown = sorted(set(chosen) - set(names))
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; available: {', '.join(names)}")
-    environment = os.environ | {"PYTHONPATH": str(FOLDER.parent)}  # scaling imports `workflow`
+    folders = [str(FOLDER.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}  # scaling uses `workflow`
     failed = []
     for name in chosen:
         print(f"\n=== {name}", flush=True)

@@ -92,10 +92,10 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     arcs: dict[str, tuple[str, float, float]] = {}
     for source in sources:
         for segment in _READERS[source.suffix.lower()](source):
-            _take(source, segment, epochs, table, found)
+            place = f"{source}, object {segment.name!r}"
+            _take(place, segment, epochs, table, found)
             first, last = segment.tdb_s[[0, -1]].tolist()
             _, earlier, later = arcs.get(segment.name, ("", first, last))
-            place = f"{source}, object {segment.name!r}"
             arcs[segment.name] = place, min(first, earlier), max(last, later)
     _require_complete_arcs(arcs, epochs, found)
     if not any(found):
@@ -121,12 +121,9 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     return Submission(states, assigned, cataloged)
 
 
-def _take(
-    source: Path, segment: Segment, epochs: Array, table: BodyTable, found: list[dict]
-) -> None:
+def _take(place: str, segment: Segment, epochs: Array, table: BodyTable, found: list[dict]) -> None:
     """Add the states of a segment at scoring epochs to those found."""
     name, times = segment.name, segment.tdb_s
-    place = f"{source}, object {name!r}"
     for number, epoch in enumerate(epochs.tolist()):
         k = int(np.argmin(np.abs(times - epoch)))
         if abs(times[k] - epoch) > _SAME_S:

@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from cislunar.observation import Scene, SensorLimits
 from cislunar.orbit_determination import Angles, OrbitFits, implied_size
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Flags, Indices
 from cislunar.survey.fields import detection_probability, views
 from cislunar.survey.maneuvers.lineage import OrbitPaths
 
@@ -40,9 +40,6 @@ _MARGIN = 3.0
 
 _NEXT = np.deg2rad(0.02)
 """Distance within which a detection, besides these standard deviations, may be of the orbit."""
-
-_TOLERANCE = 1e-9
-"""Of the angles by which exposures are chosen for closer examination; far above rounding."""
 
 
 class FieldHistory(NamedTuple):
@@ -150,25 +147,19 @@ def log_missed(
         position, spread = _predicted(paths, which[unseen], time)
         good = np.isfinite(position).all(axis=1)
         unseen, position, spread = unseen[good], position[good], spread[good]
-        near = now.start + _near_fields(
-            fields, now, scene.observer_position[:, k], position, spread
-        )
-        if near.size == 0:
+        view = _view(fields, now, scene.observer_position[:, k], position, spread)
+        if not view.inside.any():
             continue
         margin = views(scene, limits, k, position, eclipse=True).margin
         seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
-        for e in near.tolist():
-            o = int(fields.observer[e])
-            way = position - scene.observer_position[o, k]
-            distance = np.linalg.norm(way, axis=1)
-            off = np.arccos(np.clip(way @ fields.boresight[e] / distance, -1.0, 1.0))
-            gate = _MARGIN * spread / distance
-            inside = off + gate <= fields.half_field[e]
+        for e in np.flatnonzero(view.inside.any(axis=1)).tolist():
+            way, distance, gate, inside = (each[e] for each in view)
+            o = int(fields.observer[now.start + e])
             found = angles.direction[seen][(angles.observer[seen] == o) & possible[seen]]
             if found.size:
                 unit = way / distance[:, None]
                 apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)
-                inside &= apart > gate + _NEXT
+                inside = inside & (apart > gate + _NEXT)
             rows = unseen[inside]
             if rows.size == 0:
                 continue
@@ -180,17 +171,27 @@ def log_missed(
     return logsumexp(each, axis=1, b=_SHARE / _SHARE.sum())
 
 
-def _near_fields(
+class _View(NamedTuple):
+    """Positions as the observers of simultaneous exposures see them: ways (exposure, position, 3),
+    and distances, margins of the directions (rad) and whether the field contains the position with
+    this margin (exposure, position)."""
+
+    way: Array
+    distance: Array
+    gate: Array
+    inside: Flags
+
+
+def _view(
     fields: FieldHistory, now: slice, observer_position: Array, position: Array, spread: Array
-) -> Indices:
-    """Exposures of a slice, counted from its start, whose fields contain any of the positions with
-    the margin, or nearly do: no other exposure needs to be examined."""
-    away = position - observer_position[fields.observer[now], None]
-    distance = np.sqrt(np.einsum("eni,eni->en", away, away))
-    cosine = np.einsum("eni,ei->en", away, fields.boresight[now]) / distance
-    edge = fields.half_field[now, None] - _MARGIN * spread / distance
-    inside = (edge > -_TOLERANCE) & (cosine > np.cos(np.maximum(edge, 0.0)) - _TOLERANCE)
-    return np.flatnonzero(inside.any(axis=1))
+) -> _View:
+    """The view of positions with standard deviations in a slice of exposures."""
+    way = position - observer_position[fields.observer[now], None]
+    distance = np.linalg.norm(way, axis=2)
+    cosine = np.einsum("eni,ei->en", way, fields.boresight[now]) / distance
+    gate = _MARGIN * spread / distance
+    off = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return _View(way, distance, gate, off + gate <= fields.half_field[now, None])
 
 
 def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
