@@ -43,7 +43,12 @@ from cislunar.estimation.light_curves.model_selection.settings import ModelSelec
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, ROTATION, SEEN
 from cislunar.runtime import Array
 
-_TEMPERING_MAG = {"small deviations": 0.1, "medium deviations": 0.05, "large deviations": 0.05}
+_TEMPERING_MAG = {
+    "small deviations": 0.1,
+    "other law": 0.02,
+    "medium deviations": 0.05,
+    "large deviations": 0.05,
+}
 """Model error, mag, at which the exponent of the likelihood is 1/2 (empirical)."""
 _LEAST_TEMPERING = 0.9
 _DROP = 12.0

@@ -22,6 +22,11 @@ RUNGS = {
         log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.1,
         phase_curvature=0.1,
     ),
+    "other law": BodyParameterPrior(
+        log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.1,
+        log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
+        phase_curvature=0.3,
+    ),
     "medium deviations": BodyParameterPrior(
         log_albedo=0.5, log_slope=0.35, logit_reflectance=1.0, log_axis_scale=0.2,
         log_facets=0.5, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.2,
@@ -33,12 +38,13 @@ RUNGS = {
         phase_curvature=0.3,
     ),
 }  # fmt: skip
-"""Prior standard deviations of the models, from the narrowest to the widest."""
+"""Prior standard deviations of the models, from the narrowest to the widest. The shape of "other law"
+is as uncertain as that of "small deviations", and its law as that of "large deviations"."""
 
 EXACT = ("known", "material")
 """Rungs that are fitted without a model error."""
 
-WIDE = ("small deviations", "medium deviations", "large deviations")
+WIDE = ("small deviations", "other law", "medium deviations", "large deviations")
 """Rungs that are also fitted with a model error."""
 
 UNKNOWN_SHAPE = ("medium deviations", "large deviations")
