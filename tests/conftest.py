@@ -1,6 +1,7 @@
 """Fixtures shared by the test modules, and the order in which several workers run them."""
 
 import ast
+import gc
 import os
 import re
 from collections import Counter
@@ -140,6 +141,13 @@ def pytest_collection_modifyitems(items):
     order = {group: (stage[group], -size, group) for group, size in sizes.items()}
     order |= {group: (2, place, group) for place, group in enumerate(LONG)}
     items.sort(key=lambda item: order[groups[item]])
+
+
+def pytest_collection_finish():
+    """Search less for garbage: it took 7 % of the time of tests that compile kernels, and the
+    objects of the collection are never garbage."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(scope="session")

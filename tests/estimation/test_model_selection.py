@@ -1,5 +1,8 @@
 """Choice between models of a body by the evidence of its light curve."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 from oracles.light_curves import FACETS, anchor_of, model_of
@@ -15,6 +18,7 @@ from cislunar.estimation.light_curves.light_curve import cost
 from cislunar.estimation.light_curves.mixture import mixture_moments
 from cislunar.estimation.light_curves.model_selection.characterization import (
     UNIQUE,
+    UNKNOWN_BODY,
     attitude_status,
 )
 from cislunar.estimation.light_curves.model_selection.correlated import (
@@ -33,7 +37,7 @@ from cislunar.estimation.light_curves.model_selection.ladder import select_model
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.model_selection.rungs import RUNGS, model_of_rung
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
-from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, TIME
+from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, SUN, TIME, VIEW
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import scale_axes
@@ -195,6 +199,28 @@ def test_a_wrong_model_is_recognized_and_the_attitude_kept(truth):
         distances.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error) / 3.0)
     assert np.median(errors) < 5.0
     assert np.mean(distances) < 2.0
+
+
+def test_another_law_is_told_from_another_shape():
+    """Lambert-Phong facets that darken by 0.5 mag/rad of phase angle: the law differs more than in
+    "small deviations", and the attitude is known. With a quarter of the facets eight times as
+    bright, the body is that of an unknown shape."""
+
+    def by_phase(attitudes, data, facets):
+        phase = np.arccos(np.clip(np.sum(data[:, SUN] * data[:, VIEW], axis=1), -1.0, 1.0))
+        return lambert_phong_magnitude(attitudes, data, facets, Material()) + 0.5 * phase
+
+    bright = np.where(np.arange(FACETS.areas.size) % 4 == 0, 8.0, 1.0)
+    uneven = replace(FACETS, areas=FACETS.areas * bright)
+    for facets, expected in ((FACETS, UNIQUE), (uneven, UNKNOWN_BODY)):
+        data, model, true, _ = simulated(partial(by_phase, facets=facets), 1)
+        selected = select_model(data, model, np.random.default_rng(1))
+        assert (selected.rung == "other law") == (expected == UNIQUE)
+        assert attitude_status(selected, model) == expected
+        estimate = rotation_at(selected, model, 3600.0 * HOURS)
+        angle, error = _angle_deg(estimate, true)
+        assert angle < 5.0
+        assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)[:3]))
 
 
 def test_models_are_chosen_in_the_closed_loop():

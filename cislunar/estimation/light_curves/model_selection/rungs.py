@@ -38,8 +38,8 @@ RUNGS = {
         phase_curvature=0.3,
     ),
 }  # fmt: skip
-"""Prior standard deviations of the models, from the narrowest to the widest. The shape of "other law"
-is as uncertain as that of "small deviations", and its law as that of "large deviations"."""
+"""Prior standard deviations of the models, from the narrowest to the widest. "other law" has the
+shape of "small deviations" and the reflection law of "large deviations"."""
 
 EXACT = ("known", "material")
 """Rungs that are fitted without a model error."""
