@@ -25,8 +25,8 @@ from cislunar.photometry.sphere import phase_function
 from cislunar.runtime import Array
 
 UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
-"""Status of an attitude: the modes agree; the modes disagree; shape or reflection law differs from
-the assumed one."""
+"""Status of an attitude: the modes agree; the modes disagree; the shape probably differs from the
+assumed one, or no model explains the light curve."""
 
 STATUS_NAMES = ("unique", "ambiguous", "unknown")
 """Names of the status, in the order of its numbers."""

@@ -38,8 +38,8 @@ RUNGS = {
         phase_curvature=0.3,
     ),
 }  # fmt: skip
-"""Prior standard deviations of the models, from the narrowest to the widest. "other law" has the
-shape of "small deviations" and the reflection law of "large deviations"."""
+"""Prior standard deviations of the models, apart from "other law" from the narrowest to the widest.
+"other law" has the shape priors of "small deviations" and the law priors of "large deviations"."""
 
 EXACT = ("known", "material")
 """Rungs that are fitted without a model error."""
