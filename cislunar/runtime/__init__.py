@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "require_multiple", "setting", "several", "shortened_interval", "whole"],
     "settings_words": ["allowed", "faults", "inner", "pattern", "schema_of", "shown", "types",
         "unreadable"],
-    "threads": ["allow_threads", "share_out"],
+    "threads": ["allow_threads", "share_out", "single_threaded_algebra"],
     "worker_client": ["in_worker", "offer_worker", "use_common_instructions"],
 })
 # fmt: on

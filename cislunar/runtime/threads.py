@@ -2,8 +2,11 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from functools import cache
 
 import numba
+from threadpoolctl import ThreadpoolController
 
 _PIECES_PER_THREAD = 8
 """Pieces per thread: targets differ in cost, and a thread that is done early takes another piece.
@@ -37,3 +40,17 @@ def share_out(work: Callable[[int, int], None], count: int, least: int = 8) -> N
     with ThreadPoolExecutor(_allowed) as pool:
         for done in [pool.submit(work, *piece) for piece in pieces]:
             done.result()
+
+
+def single_threaded_algebra() -> AbstractContextManager:
+    """Context in which NumPy and SciPy use one thread. For matrices of some hundred rows several
+    threads are slower, and round differently."""
+    return _linear_algebra().limit(limits=1)
+
+
+@cache
+def _linear_algebra() -> ThreadpoolController:
+    """The libraries of linear algebra that are loaded; to look for them takes milliseconds."""
+    import scipy.linalg  # noqa: F401  (has a library of its own)
+
+    return ThreadpoolController()

@@ -16,7 +16,7 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     attitude_status,
     characterize,
 )
-from cislunar.estimation.light_curves.model_selection.ladder import select_model
+from cislunar.estimation.light_curves.model_selection.selection import select_model
 from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, TIME, VIEW
 from cislunar.photometry.materials import Material
 

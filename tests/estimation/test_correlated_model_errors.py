@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 from simulated_light_curves import observed_rows
 
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
+from cislunar.estimation.light_curves.model_selection.body_models import with_body_model
 from cislunar.estimation.light_curves.model_selection.correlated import (
     CorrelatedFit,
     ModelError,
@@ -15,13 +16,12 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
 )
 from cislunar.estimation.light_curves.model_selection.residual_tests import explains, p_values
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.model_selection.rungs import model_of_rung
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, TIME, WEIGHT
 
 
 def test_expected_rows_are_those_of_the_cost():
     """Residuals, gradient and Gauss-Newton matrix of the compiled cost, from rows."""
-    model = model_of_rung(model_of("triaxial"), "large deviations")
+    model = with_body_model(model_of("triaxial"), "large deviations")
     size, data = model.sigma.size, observed_rows(90)
     rng = np.random.default_rng(3)
     u = 0.3 * rng.standard_normal(size)
@@ -54,7 +54,7 @@ def test_bins_belong_to_one_observer():
 @pytest.mark.parametrize("tau", [0.0, 0.2])
 def test_cost_with_a_correlated_error_against_the_density(tau):
     """The joint normal density of all rows, with an error that is constant within a bin."""
-    model, data = model_of_rung(model_of(), "material"), observed_rows(60)
+    model, data = with_body_model(model_of(), "material"), observed_rows(60)
     rng = np.random.default_rng(5)
     data[:, MAGNITUDE] = 15.0 + 0.3 * rng.standard_normal(60)
     data[:, WEIGHT] = rng.uniform(0.5, 1.0, 60)
@@ -105,6 +105,9 @@ class _LinearFit(CorrelatedFit):
 
     def rows(self, u):
         return self._linear[0] @ u, self._linear[1], self._linear[0]
+
+    def descent_without_error(self, start, iterations):
+        return self.descent(start, iterations)
 
 
 def test_evidence_of_an_unknown_noise_against_quadrature():

@@ -16,6 +16,10 @@ from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import cost
 from cislunar.estimation.light_curves.mixture import mixture_moments
+from cislunar.estimation.light_curves.model_selection.body_models import (
+    BODY_MODELS,
+    with_body_model,
+)
 from cislunar.estimation.light_curves.model_selection.characterization import (
     UNIQUE,
     UNKNOWN_BODY,
@@ -33,9 +37,8 @@ from cislunar.estimation.light_curves.model_selection.in_loop import (
     updated_selection,
     widened_points,
 )
-from cislunar.estimation.light_curves.model_selection.ladder import select_model
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.model_selection.rungs import RUNGS, model_of_rung
+from cislunar.estimation.light_curves.model_selection.selection import select_model
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, SUN, TIME, VIEW
 from cislunar.observation.target_surfaces import target_surfaces
@@ -92,7 +95,7 @@ def test_the_rotation_of_an_unknown_body_is_more_uncertain():
     data, model, _, _ = simulated(_as_believed)
     settings = ModelSelectionSettings(effort=1)
     selected = select_model(data[:100], model, np.random.default_rng(1), settings)
-    assert selected.rung in ("known", "material")
+    assert selected.body in ("known", "material")
 
     def sigma(selected, hours):
         selection = Selection(selected, 100, 100, attitude_status(selected, model))
@@ -102,7 +105,7 @@ def test_the_rotation_of_an_unknown_body_is_more_uncertain():
         return found
 
     unknown = selected._replace(model_error_mag=0.3)
-    evidence = dict.fromkeys(RUNGS, -10.0) | {"medium deviations": 0.0}
+    evidence = dict.fromkeys(BODY_MODELS, -10.0) | {"medium deviations": 0.0}
     other = selected._replace(log_evidence=evidence)
     for hours in (0.0, 12.0):
         usual = sigma(selected, hours)
@@ -137,13 +140,13 @@ def test_an_unknown_noise_is_estimated_with_the_model():
     data[:, MAGNITUDE] += 0.1 * np.sqrt(8.0) * np.random.default_rng(4).standard_normal(len(data))
     unknown = model._replace(noise_freedom=4.0)
     selected = select_model(data, unknown, np.random.default_rng(1))
-    assert selected.rung == "known" and selected.tempering == 1.0
+    assert selected.body == "known" and selected.tempering == 1.0
     assert selected.noise_factor == pytest.approx(9.0, rel=0.15)
     estimate = rotation_at(selected, model, 3600.0 * HOURS)
     angle, error = _angle_deg(estimate, true)
     assert angle < 3.0
     assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)[:3]))
-    own = model_of_rung(unknown, "known")
+    own = with_body_model(unknown, "known")
     fit = CorrelatedFit(data, bins_of_rows(data, 200), own, ModelError(0.0, 1.0))
     best = selected.candidates[0].minimum.u
     costs = [
@@ -157,7 +160,7 @@ def test_an_unknown_noise_is_estimated_with_the_model():
 def test_a_body_as_believed_is_recognized():
     data, model, true, _ = simulated(_as_believed)
     selected = select_model(data, model, np.random.default_rng(1))
-    assert selected.rung == "known" and selected.tempering == 1.0
+    assert selected.body == "known" and selected.tempering == 1.0
     assert selected.model_error_mag < 0.02
     estimate = rotation_at(selected, model, 3600.0 * HOURS)
     angle, error = _angle_deg(estimate, true)
@@ -167,7 +170,7 @@ def test_a_body_as_believed_is_recognized():
     # the same stream of random numbers gives the same modes
     again = select_model(data, model, np.random.default_rng(1))
     np.testing.assert_array_equal(again.candidates[0].minimum.u, selected.candidates[0].minimum.u)
-    assert list(selected.log_evidence) == list(RUNGS)
+    assert list(selected.log_evidence) == list(BODY_MODELS)
 
 
 @pytest.mark.parametrize("truth", ["axes", "lambert-phong"])
@@ -191,8 +194,8 @@ def test_a_wrong_model_is_recognized_and_the_attitude_kept(truth):
     for seed in range(4):
         data, model, true, _ = simulated(magnitude, seed)
         selected = select_model(data, model, np.random.default_rng(1))
-        assert selected.rung not in ("known", "material")
-        assert selected.log_evidence["known"] < selected.log_evidence[selected.rung] - 20.0
+        assert selected.body not in ("known", "material")
+        assert selected.log_evidence["known"] < selected.log_evidence[selected.body] - 20.0
         estimate = rotation_at(selected, model, 3600.0 * HOURS)
         angle, error = _angle_deg(estimate, true)
         errors.append(angle)
@@ -213,10 +216,10 @@ def test_another_law_is_told_from_another_shape():
     bright = np.where(np.arange(FACETS.areas.size) % 4 == 0, 8.0, 1.0)
     uneven = replace(FACETS, areas=FACETS.areas * bright)
     cases = (FACETS, "other law", UNIQUE), (uneven, "large deviations", UNKNOWN_BODY)
-    for facets, rung, status in cases:
+    for facets, body, status in cases:
         data, model, true, _ = simulated(partial(by_phase, facets=facets), 1)
         selected = select_model(data, model, np.random.default_rng(1))
-        assert selected.rung == rung
+        assert selected.body == body
         assert attitude_status(selected, model) == status
         estimate = rotation_at(selected, model, 3600.0 * HOURS)
         angle, error = _angle_deg(estimate, true)

@@ -43,7 +43,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.forces import of_targets
@@ -73,7 +72,7 @@ from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime import Array
-from cislunar.runtime.threads import share_out
+from cislunar.runtime.threads import share_out, single_threaded_algebra
 
 _BLOCK_S = 600.0
 """Duration of a block, s, in which the observers' errors are constant."""
@@ -188,8 +187,7 @@ class NavigatedEstimator(WrappedEstimator):
         histories: bool = True,
     ) -> Estimates:
         """See `Estimator.advance`; the orbits at all steps are needed in any case."""
-        # several threads are slower at the size of these matrices, and round otherwise
-        with threadpool_limits(limits=1):
+        with single_threaded_algebra():
             found = self._in_blocks(measurements, final)
         return found if covariance else found._replace(covariance=found.covariance[:, :0])
 

@@ -7,18 +7,18 @@ the mixture over models of the body and over modes.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
-from cislunar.attitude.quaternion import attitude_matrix
+from cislunar.attitude.quaternion import to_inertial
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.light_curve import LightCurveModel, initial_state
-from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.model_selection.rungs import (
-    UNKNOWN_SHAPE,
+from cislunar.estimation.light_curves.model_selection.body_models import (
+    BODY_MODELS,
     SelectedModel,
-    model_of_rung,
+    with_body_model,
 )
+from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 from cislunar.photometry.sphere import phase_function
@@ -99,16 +99,18 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
     Returns
     -------
     int
-        `UNKNOWN_BODY` if a rung of `UNKNOWN_SHAPE` has the greatest evidence or the model error
+        `UNKNOWN_BODY` if a body model of unknown shape has the greatest evidence or the model error
         exceeds 0.25 mag; else `AMBIGUOUS` if modes that differ from the best one by more than 5 deg
         at the epoch have more than 5 % of the weight; else `UNIQUE`.
     """
-    if selected.rung in UNKNOWN_SHAPE or selected.model_error_mag > _LARGE_MODEL_ERROR_MAG:
+    if selected.unknown_shape or selected.model_error_mag > _LARGE_MODEL_ERROR_MAG:
         return UNKNOWN_BODY
     quaternion, omega = np.empty(4), np.empty(3)
     attitudes = []
     for candidate in selected.candidates:
-        initial_state(candidate.minimum.u, model_of_rung(model, candidate.rung), quaternion, omega)
+        initial_state(
+            candidate.minimum.u, with_body_model(model, candidate.body), quaternion, omega
+        )
         attitudes.append(quaternion.copy())
     return agreement(np.array(attitudes), selected.weight)
 
@@ -182,15 +184,13 @@ def characterize(
     """
     require_rows(data)
     sampled = _samples(selected, rng, _ROTATIONS)
-    quaternion, omega = np.empty(4), np.empty(3)
-    rates, axes, brightness = np.empty(_ROTATIONS), np.empty((_ROTATIONS, 3)), []
-    for number, (rung, u) in enumerate(sampled):
-        own = model_of_rung(model, rung)
-        initial_state(u, own, quaternion, omega)
-        rates[number] = np.linalg.norm(omega)
-        axes[number] = attitude_matrix(quaternion).T @ omega / rates[number]
-        if number < _BRIGHTNESSES:
-            brightness.append(expected_rows(u, data, own)[0])
+    models = {body: with_body_model(model, body) for body in BODY_MODELS}
+    quaternion, omega = np.empty((_ROTATIONS, 4)), np.empty((_ROTATIONS, 3))
+    for number, (body, u) in enumerate(sampled):
+        initial_state(u, models[body], quaternion[number], omega[number])
+    brightness = [expected_rows(u, data, models[body])[0] for body, u in sampled[:_BRIGHTNESSES]]
+    rates = np.linalg.norm(omega, axis=1)
+    axes = to_inertial(quaternion, omega) / rates[:, None]
     status = attitude_status(selected, model)
     factor = UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
     logs = np.log(2.0 * np.pi / rates / 3600.0)
@@ -230,13 +230,13 @@ def _normal_interval(samples: Array, error: float) -> Interval:
 def _samples(
     selected: SelectedModel, rng: np.random.Generator, count: int
 ) -> list[tuple[str, Array]]:
-    """Rung and parameters of random samples of the mixture."""
+    """Body model and parameters of random samples of the mixture."""
     numbers = rng.choice(len(selected.candidates), size=count, p=selected.weight)
     roots = [np.linalg.cholesky(each.minimum.information) for each in selected.candidates]
     found = []
     for number in numbers:
         candidate = selected.candidates[number]
         normal = rng.standard_normal(candidate.minimum.u.size)
-        step = solve_triangular(roots[number], normal, lower=True, trans="T")
-        found.append((candidate.rung, candidate.minimum.u + step))
+        step, _ = dtrtrs(roots[number], normal, lower=True, trans=True)
+        found.append((candidate.body, candidate.minimum.u + step))
     return found

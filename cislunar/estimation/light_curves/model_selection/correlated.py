@@ -43,10 +43,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
-from scipy.linalg.lapack import dpotri
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtrs
 
-from cislunar.estimation.light_curves.light_curve import LightCurveModel
+from cislunar.compiled import njit_alloc
+from cislunar.estimation.light_curves.levenberg_marquardt import refine
+from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SUN, TIME, VIEW, WEIGHT
 from cislunar.runtime import Array
@@ -130,27 +131,38 @@ def bins_of_rows(data: Array, most: int) -> Bins:
     """Bins of the detections of a light curve in the order of time, about `most` for one without
     gaps. A bin has rows of one observer, recognized by its direction, within 15 minutes. Rows of
     several observers have different directions, and so different model errors."""
-    capacity = -(-len(data) // most)
-    number = np.empty(len(data), dtype=np.int64)
-    open_bins: list[list[int]] = []  # number, first row, rows so far
-    count = 0
     directions = np.hstack([data[:, SUN], data[:, VIEW]])
-    for row, time in enumerate(data[:, TIME]):
-        open_bins = [each for each in open_bins if time - data[each[1], TIME] <= _LONGEST_BIN_S]
-        for each in open_bins:
-            if np.abs(directions[row] - directions[each[1]]).max() <= _WIDEST_BIN:
-                break
-        else:
-            each = [count, row, 0]
-            open_bins.append(each)
-            count += 1
-        number[row] = each[0]
-        each[2] += 1
-        if each[2] == capacity:
-            open_bins.remove(each)
+    number, count = _numbers(data[:, TIME].copy(), directions, -(-len(data) // most))
     order = np.argsort(number, kind="stable")
     first = np.searchsorted(number[order], np.arange(count))
     return Bins(order, first, np.add.reduceat(data[order, WEIGHT], first))
+
+
+@njit_alloc
+def _numbers(time, directions, capacity):
+    """Number of the bin of each row, and the number of bins; see `bins_of_rows`."""
+    n = time.shape[0]
+    number, first, size = np.empty(n, np.int64), np.empty(n, np.int64), np.zeros(n, np.int64)
+    still_open, count, live = np.empty(n, np.int64), 0, 0
+    for row in range(n):
+        kept, found = 0, -1
+        for k in range(live):
+            bin_ = still_open[k]
+            begin = first[bin_]
+            if size[bin_] == capacity or time[row] - time[begin] > _LONGEST_BIN_S:
+                continue
+            still_open[kept] = bin_
+            kept += 1
+            if found < 0 and np.abs(directions[row] - directions[begin]).max() <= _WIDEST_BIN:
+                found = bin_
+        live = kept
+        if found < 0:
+            found, first[count] = count, row
+            still_open[live] = count
+            live, count = live + 1, count + 1
+        number[row] = found
+        size[found] += 1
+    return number, count
 
 
 class CorrelatedFit:
@@ -205,7 +217,11 @@ class CorrelatedFit:
         whole = self._tau**2 * kernel
         noise = self._model.noise_variance * self._noise / self._bins.weight
         whole[np.diag_indices_from(whole)] += noise
-        self._factor = cholesky(whole, lower=True, overwrite_a=True, check_finite=False)
+        self._factor, failed = dpotrf(whole, lower=True, clean=True)
+        if failed:
+            raise np.linalg.LinAlgError(
+                "the covariance of the model error is not positive definite"
+            )
         self._log_det = float(np.sum(2.0 * np.log(np.diag(self._factor)) - np.log(noise)))
 
     def _improve_scales(self, mean: Array, within: Array, kernel: Array) -> None:
@@ -271,7 +287,7 @@ class CorrelatedFit:
         if self._error.tau > 0.0:
             both = self._bins.mean(np.column_stack([residual, derivative]), weight)
             by_noise = (both.T * (self._bins.weight / variance)).T
-            whitened = solve_triangular(self._factor, both, lower=True, check_finite=False)
+            whitened, _ = dtrtrs(self._factor, both, lower=True)
             change = whitened.T @ whitened - by_noise.T @ both
             squares += change[0, 0]
             slope = slope + change[1:, 0]
@@ -285,8 +301,30 @@ class CorrelatedFit:
     def refined(self, start: Array, iterations: int) -> Minimum:
         """The minimum reached from a start by damped Gauss-Newton steps (Levenberg 1944, Marquardt
         1963)."""
-        u, damping, since = start.copy(), _DAMPING, 0
         self._noise, self._tau = self._first_noise, self._error.tau
+        without_error = self._error.tau == 0.0 and self._error.beta == 1.0
+        descent = self.descent_without_error if without_error else self.descent
+        u = descent(start, iterations)
+        rows = self.rows(u)
+        self.refresh(rows)
+        value, _, information = self.cost(u, rows)
+        log_det = np.linalg.slogdet(information)[1]
+        evidence = -value - 0.5 * log_det if np.isfinite(value + log_det) else -np.inf
+        return Minimum(
+            u, information, float(evidence + self._scale_evidence()), self._noise, self._tau
+        )
+
+    def descent_without_error(self, start: Array, iterations: int) -> Array:
+        """`descent` without a model error, compiled."""
+        u, size = start.copy(), start.size
+        anchor = Anchor(np.zeros(size), np.eye(size), np.zeros(1))
+        nothing = np.empty((size, size)), np.empty((0, size)), np.empty((0, size, size)), 0.0
+        refine(u, self._data, anchor, self._model, _DAMPING, iterations, *nothing)
+        return u
+
+    def descent(self, start: Array, iterations: int) -> Array:
+        """The parameters of the minimum that is reached from a start."""
+        u, damping, since = start.copy(), _DAMPING, 0
         rows = self.rows(u)
         self.refresh(rows)
         best, gradient, information = self.cost(u, rows)
@@ -294,11 +332,11 @@ class CorrelatedFit:
             decrease = 0.0
             for _ in range(_FAILURES):
                 damped = information + damping * np.diag(np.diag(information))
-                try:
-                    step = cho_solve((cholesky(damped, lower=True), True), -gradient)
-                except (LinAlgError, ValueError):
+                factor, failed = dpotrf(damped, lower=True)
+                if failed:
                     damping *= _AFTER_FAILURE
                     continue
+                step, _ = dpotrs(factor, -gradient, lower=True)
                 trial = self.rows(u + step)
                 value, *derivatives = self.cost(u + step, trial)
                 if value < best:
@@ -320,13 +358,7 @@ class CorrelatedFit:
                     break
             elif small:
                 break
-        self.refresh(rows)
-        value, _, information = self.cost(u, rows)
-        log_det = np.linalg.slogdet(information)[1]
-        evidence = -value - 0.5 * log_det if np.isfinite(value + log_det) else -np.inf
-        return Minimum(
-            u, information, float(evidence + self._scale_evidence()), self._noise, self._tau
-        )
+        return u
 
     def _scale_evidence(self) -> float:
         """What the estimation of ln f and of ln tau adds to the logarithm of the evidence. The

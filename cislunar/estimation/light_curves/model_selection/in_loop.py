@@ -24,6 +24,10 @@ from cislunar.estimation.light_curves.mixture import (
     step_points,
     weighted_deviations,
 )
+from cislunar.estimation.light_curves.model_selection.body_models import (
+    SelectedModel,
+    with_body_model,
+)
 from cislunar.estimation.light_curves.model_selection.characterization import (
     AMBIGUOUS,
     UNKNOWN_BODY,
@@ -31,15 +35,10 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     agreement,
     attitude_status,
 )
-from cislunar.estimation.light_curves.model_selection.ladder import (
+from cislunar.estimation.light_curves.model_selection.selection import (
     narrowed,
     refitted,
     select_model,
-)
-from cislunar.estimation.light_curves.model_selection.rungs import (
-    UNKNOWN_SHAPE,
-    SelectedModel,
-    model_of_rung,
 )
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import ROTATION
@@ -83,10 +82,10 @@ def updated_selection(
     """Selection for a light curve that may have grown.
 
     All models are searched when the light curve has grown by `_SEARCH_GROWTH`, from its last modes.
-    In between, if the wide rungs were left out at the last search, the exact ones are fitted again
-    with any new row; the wide rungs are searched as soon as the residuals are no longer those of
-    the noise, but not before a growth by `_FIT_GROWTH`. If the wide rungs were not left out, all
-    modes are fitted again after that growth, unless the body is unknown. For `modes` see
+    In between, if the models of `WIDE` were left out at the last search, those of `EXACT` are
+    fitted again with any new row; those of `WIDE` are searched as soon as the residuals are no
+    longer those of the noise, but not before a growth by `_FIT_GROWTH`. If they were not left out,
+    all modes are fitted again after that growth, unless the body is unknown. For `modes` see
     `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
@@ -121,7 +120,7 @@ def reported_points(
     if selection.status == UNKNOWN_BODY:
         quaternion, omega = widened_points(quaternion, omega, weight)
     points = quaternion, omega, weight, deviations
-    if selection.selected.rung in UNKNOWN_SHAPE:
+    if selection.selected.unknown_shape:
         points = _of_uncertain_frames(*points)
     count = points[2].size
     out = tuple(np.zeros((max(count, room), *each.shape[1:])) for each in points)
@@ -135,7 +134,7 @@ def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, 
     4), angular velocities (n, 3), weights (n,) and rotation deviations (n, m)."""
     parts = []
     for candidate, share in zip(selected.candidates, selected.weight, strict=True):
-        own = model_of_rung(model, candidate.rung)
+        own = with_body_model(model, candidate.body)
         modes = prior_hypotheses(1, own.sigma.size)
         modes.u[0] = candidate.minimum.u
         modes.root[0] = np.linalg.cholesky(candidate.minimum.information)

@@ -27,7 +27,7 @@ class ModelSelectionSettings(Section):
     uniform."""
     first_error_mag: ClassVar[float] = 0.25
     check_error_mag: ClassVar[float] = 0.12
-    """Values with which its estimation begins, in all rungs and in the check of the narrow ones."""
+    """Values with which its estimation begins, in all models and in the check of narrow ones."""
     no_error_share: ClassVar[float] = 1.0 / 13.0
     """Prior probability that a model has no error."""
     lengths: ClassVar[tuple[float, ...]] = (0.35, 1.0)

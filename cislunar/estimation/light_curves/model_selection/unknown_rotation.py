@@ -5,7 +5,7 @@ the definitions of `cislunar.estimation.light_curves.model_selection.Characteriz
 intervals are those of the noise, with a further error in proportion to it, because noise widens the
 distribution of magnitudes and faint measurements are missed (empirical).
 
-The spin period needs a model of the body. The rung *small deviations* is fitted with an unknown
+The spin period needs a model of the body. The model *small deviations* is fitted with an unknown
 variance of the residuals, in several independent searches. With the costs C_j of their distinct
 minima, the weights
 
@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import ndtr
 from scipy.stats import chi
-from threadpoolctl import threadpool_limits
 
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -34,6 +33,7 @@ from cislunar.estimation.light_curves.light_curve import (
     cost_and_derivatives,
     initial_state,
 )
+from cislunar.estimation.light_curves.model_selection.body_models import with_body_model
 from cislunar.estimation.light_curves.model_selection.characterization import (
     LEVELS,
     Interval,
@@ -42,8 +42,7 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     require_rows,
 )
 from cislunar.estimation.light_curves.model_selection.correlated import Minimum, distinct_minima
-from cislunar.estimation.light_curves.model_selection.ladder import search_modes
-from cislunar.estimation.light_curves.model_selection.rungs import model_of_rung
+from cislunar.estimation.light_curves.model_selection.selection import search_modes
 from cislunar.estimation.light_curves.row_blocks import (
     COLUMNS,
     MAGNITUDE,
@@ -57,8 +56,9 @@ from cislunar.estimation.light_curves.row_blocks import (
 )
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.runtime import Array
+from cislunar.runtime.threads import single_threaded_algebra
 
-_RUNG = "small deviations"
+_BODY = "small deviations"
 _MOST_ROWS = 150
 """Rows of a light curve that are searched; others are left out evenly."""
 _ERROR_MAG, _FREEDOM = 0.05, 2.0
@@ -176,11 +176,11 @@ def spin_period(
     rows = data[np.rint(evenly).astype(np.int64)]
     variance = 1.0 / rows[:, WEIGHT] + _ERROR_MAG**2
     changed = {"noise_variance": float(np.median(variance)), "noise_freedom": _FREEDOM}
-    own = model_of_rung(model, _RUNG)._replace(**changed)
+    own = with_body_model(model, _BODY)._replace(**changed)
     rows[:, WEIGHT] = own.noise_variance / variance
     how = BatchSettings().search_settings()._replace(starts=16, first_starts=32, pool=256)
     minima: list[Minimum] = []
-    with threadpool_limits(limits=1):
+    with single_threaded_algebra():
         for _ in range(searches):
             for u in search_modes(rows, own, how, rng):
                 found = _minimum(u, rows, own)

@@ -1,7 +1,7 @@
 """Choice between models of a body by the evidence of its light curve.
 
-All models of `cislunar.estimation.light_curves.model_selection.rungs` are fitted, the wider ones
-also with a correlated model error of several standard deviations and correlation lengths, and
+All models of `cislunar.estimation.light_curves.model_selection.body_models` are fitted, the wider
+ones also with a correlated model error of several standard deviations and correlation lengths, and
 weighted by Laplace's approximation of the evidence. The wider ones are left out while a narrow one
 leaves residuals that are those of the noise and has a much larger evidence. If the best model is
 one of the wider ones, the likelihood is tempered, because its model error is described only
@@ -14,12 +14,19 @@ from functools import partial
 import numpy as np
 from scipy.linalg import solve
 from scipy.special import logsumexp
-from threadpoolctl import threadpool_limits
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings, SearchSettings
 from cislunar.estimation.light_curves.hypotheses import prior_hypotheses, search
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
+from cislunar.estimation.light_curves.model_selection.body_models import (
+    BODY_MODELS,
+    EXACT,
+    WIDE,
+    Candidate,
+    SelectedModel,
+    with_body_model,
+)
 from cislunar.estimation.light_curves.model_selection.correlated import (
     MERGE_DISTANCE,
     Bins,
@@ -31,33 +38,19 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
 )
 from cislunar.estimation.light_curves.model_selection.residual_tests import explains
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.model_selection.rungs import (
-    EXACT,
-    RUNGS,
-    WIDE,
-    Candidate,
-    SelectedModel,
-    model_of_rung,
-)
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, ROTATION, SEEN
 from cislunar.runtime import Array
+from cislunar.runtime.threads import single_threaded_algebra
 
-_TEMPERING_MAG = {
-    "small deviations": 0.1,
-    "other law": 0.02,
-    "medium deviations": 0.05,
-    "large deviations": 0.05,
-}
-"""Model error, mag, at which the exponent of the likelihood is 1/2 (empirical)."""
 _LEAST_TEMPERING = 0.9
 _DROP = 12.0
 """Difference in log evidence from the best minimum beyond which a minimum is dropped."""
 _CLEARLY_LESS = 5.0
-"""Difference in log evidence beyond which the wide rungs are not fitted."""
+"""Difference in log evidence beyond which the wide body models are not fitted."""
 _NO_ERROR = ModelError(0.0, 1.0)
 _SCREENED = "medium deviations"
-"""Rung that tells which modes are fitted with a model error."""
+"""Body model that tells which modes are fitted with a model error."""
 _MOST_MODES = 32
 _REFITTED_SHARE = 0.99
 """Share of the posterior whose modes are fitted again to a longer light curve."""
@@ -113,7 +106,7 @@ def select_model(
         of some random ones.
     modes : sequence of ndarray, shape (p,)
         Modes of `model` with its own surface deviations, if they have been searched already. The
-        rungs of `EXACT` are then fitted from them, and not searched.
+        body models of `EXACT` are then fitted from them, and not searched.
 
     Returns
     -------
@@ -132,8 +125,7 @@ def select_model(
             "light curve: the choice of a model needs detections and no other rows; leave out "
             "non-detections and targets that were never seen"
         )
-    # several threads of linear algebra are slower at this size, and round otherwise
-    with threadpool_limits(limits=1):
+    with single_threaded_algebra():
         return _Selection(data, model, rng, settings, previous, modes).run()
 
 
@@ -147,12 +139,12 @@ def refitted(
     modes: dict[tuple[str, ModelError], list[Minimum]] = {}
     count = int(np.searchsorted(np.cumsum(selected.weight), _REFITTED_SHARE)) + 1
     for each in selected.candidates[:count]:
-        modes.setdefault((each.rung, each.error), []).append(each.minimum)
+        modes.setdefault((each.body, each.error), []).append(each.minimum)
     found = []
-    with threadpool_limits(limits=1):
-        for (rung, error), own in modes.items():
+    with single_threaded_algebra():
+        for (body, error), own in modes.items():
             given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
-            found += selection.fit(rung, error, *given)
+            found += selection.fit(body, error, *given)
     if not found:
         return selected
     candidates, weight = _mixture(found)
@@ -166,14 +158,14 @@ def narrowed(
     settings: ModelSelectionSettings,
     modes: Sequence[Array] = (),
 ) -> SelectedModel | None:
-    """The choice between the rungs of `EXACT` alone for a light curve that has grown, starting from
-    their previous modes and those of the model; None if their residuals are not those of the noise.
-    See `select_model`."""
+    """The choice between the models of `EXACT` alone for a light curve that has grown, starting
+    from their previous modes and those of the model; None if their residuals are not those of the
+    noise. See `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
-    with threadpool_limits(limits=1):
+    with single_threaded_algebra():
         selection = _Selection(data, model, rng, settings, selected, modes)
         given = settings.warm_iterations
-        found = [each for rung in EXACT for each in selection.near_modes(rung, given)]
+        found = [each for body in EXACT for each in selection.near_modes(body, given)]
         return selection.weighed(found) if selection.explained(found) else None
 
 
@@ -191,7 +183,7 @@ class _Selection:
     ) -> None:
         self.data, self.rng, self.settings = np.ascontiguousarray(data), rng, settings
         self.bins: Bins = bins_of_rows(data, settings.bins)
-        self.models = {rung: model_of_rung(model, rung) for rung in RUNGS}
+        self.models = {body: with_body_model(model, body) for body in BODY_MODELS}
         self.carried = ROTATION + model.rotation_kinds.size
         usual = BatchSettings().search_settings()
         self.search_settings = usual._replace(starts=settings.effort * usual.starts)
@@ -201,7 +193,7 @@ class _Selection:
 
     def fit(
         self,
-        rung: str,
+        body: str,
         error: ModelError,
         starts: Iterable[Array],
         iterations: int,
@@ -209,21 +201,21 @@ class _Selection:
     ) -> list[Candidate]:
         """Distinct minima from the starts, best first."""
         settings = self.settings
-        given = self.data, self.bins, self.models[rung], error, noise_factor
+        given = self.data, self.bins, self.models[body], error, noise_factor
         fit = CorrelatedFit(*given, settings.model_errors_mag)
         found = [fit.refined(start, iterations) for start in starts]
-        if rung in WIDE:
+        if body in WIDE:
             none = settings.no_error_share
             share = none if error.tau == 0.0 else (1.0 - none) / len(settings.lengths)
             found = [e._replace(log_evidence=e.log_evidence + np.log(share)) for e in found]
         kept = distinct_minima(found)
-        return [Candidate(rung, error._replace(tau=each.tau), each) for each in kept]
+        return [Candidate(body, error._replace(tau=each.tau), each) for each in kept]
 
-    def start(self, rung: str, candidate: Candidate) -> Array:
-        """A start for a rung: the rotation of a minimum of another, and its surface if it has the
+    def start(self, body: str, candidate: Candidate) -> Array:
+        """A start for a body: the rotation of a minimum of another, and its surface if it has the
         same parameters."""
-        u, size = candidate.minimum.u, self.models[rung].sigma.size
-        own, other = self.models[rung].sigma, self.models[candidate.rung].sigma
+        u, size = candidate.minimum.u, self.models[body].sigma.size
+        own, other = self.models[body].sigma, self.models[candidate.body].sigma
         if u.size == size:
             same = own > 0.0
             return np.where(same, u * other / np.where(same, own, 1.0), 0.0)
@@ -237,17 +229,17 @@ class _Selection:
         exactly = self._searched
         if self.modes:
             exactly = partial(self.near_modes, iterations=self.settings.iterations)
-        found = {rung: exactly(rung) for rung in EXACT}
-        exact = [each for rung in EXACT for each in found[rung]]
+        found = {body: exactly(body) for body in EXACT}
+        exact = [each for body in EXACT for each in found[body]]
         checks: list[Candidate] = []
         explained = self.explained(exact)
         if explained:
-            checks = self._checks([each for rung in EXACT for each in found[rung][:kept]])
+            checks = self._checks([each for body in EXACT for each in found[body][:kept]])
             greatest = max(each.minimum.log_evidence for each in exact)
             if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
                 return self.weighed(exact + checks)
-        found |= {rung: self._searched(rung) for rung in WIDE}
-        everything = [each for rung in RUNGS for each in found[rung]] + checks
+        found |= {body: self._searched(body) for body in WIDE}
+        everything = [each for body in BODY_MODELS for each in found[body]] + checks
         if explained:  # the checks are the fits with a model error
             return self.weighed(everything)
         by_evidence = sorted(everything, key=lambda each: -each.minimum.log_evidence)
@@ -260,7 +252,7 @@ class _Selection:
         if not found:
             return False
         best = max(found, key=lambda each: each.minimum.log_evidence)
-        model, u = self.models[best.rung], best.minimum.u
+        model, u = self.models[best.body], best.minimum.u
         residual = self.data[:, MAGNITUDE] - expected_rows(u, self.data, model)[0]
         return explains(residual, self.data, model.noise_variance, model.noise_freedom, u.size)
 
@@ -278,10 +270,18 @@ class _Selection:
                 kept.append((each, inverse))
         return [each for each, _ in kept]
 
-    def near_modes(self, rung: str, iterations: int) -> list[Candidate]:
-        """Minima of a rung without a model error near the known modes and those of the model."""
-        own, model = self.models[rung], self.model
-        starts = [self.start(rung, each) for each in self.known]
+    def _among_modes(self, candidate: Candidate) -> bool:
+        """Whether the initial rotation of a minimum is that of a mode within its uncertainty."""
+        minimum = candidate.minimum
+        covariance = np.linalg.inv(minimum.information)[:ROTATION, :ROTATION]
+        apart = [minimum.u[:ROTATION] - mode[:ROTATION] for mode in self.modes]
+        inverse = np.linalg.inv(covariance)
+        return any(each @ inverse @ each < MERGE_DISTANCE for each in apart)
+
+    def near_modes(self, body: str, iterations: int) -> list[Candidate]:
+        """Minima, without a model error, near the known modes and those of the model."""
+        own, model = self.models[body], self.model
+        starts = [self.start(body, each) for each in self.known if not self._among_modes(each)]
         for each in self.modes:
             start = np.zeros(own.sigma.size)
             same = min(each.size, start.size)
@@ -289,77 +289,77 @@ class _Selection:
                 same = self.carried
             start[:same] = each[:same] * model.sigma[:same] / own.sigma[:same]
             starts.append(start)
-        return self.fit(rung, _NO_ERROR, starts, iterations)
+        return self.fit(body, _NO_ERROR, starts, iterations)
 
-    def _searched(self, rung: str) -> list[Candidate]:
-        """Minima of a rung without a model error, by a search."""
-        known = [self.start(rung, each) for each in self.known]
-        modes = search_modes(self.data, self.models[rung], self.search_settings, self.rng, known)
-        return self.fit(rung, _NO_ERROR, modes, self.settings.iterations)
+    def _searched(self, body: str) -> list[Candidate]:
+        """Minima of a body model without a model error, by a search."""
+        known = [self.start(body, each) for each in self.known]
+        modes = search_modes(self.data, self.models[body], self.search_settings, self.rng, known)
+        return self.fit(body, _NO_ERROR, modes, self.settings.iterations)
 
     def _checks(self, exact: list[Candidate]) -> list[Candidate]:
-        """Minima of the narrowest wide rung near those of the exact ones. If their evidence is
-        much smaller, the wide rungs are not fitted."""
-        settings, rung = self.settings, WIDE[0]
+        """Minima of the narrowest model of `WIDE` near those of `EXACT`. If their evidence is much
+        smaller, the models of `WIDE` are not fitted."""
+        settings, body = self.settings, WIDE[0]
         found: list[Candidate] = []
         for error in (_NO_ERROR, ModelError(settings.check_error_mag, settings.lengths[0])):
-            starts = [self.start(rung, each) for each in self._distinct(exact)]
-            found += self.fit(rung, error, starts, settings.iterations)
+            starts = [self.start(body, each) for each in self._distinct(exact)]
+            found += self.fit(body, error, starts, settings.iterations)
         return found
 
     def weighed(self, everything: list[Candidate]) -> SelectedModel:
         """The mixture of all minima, or of those of a tempered likelihood."""
         evidence = np.array([each.minimum.log_evidence for each in everything])
-        of_rung = {}
-        for rung in RUNGS:
-            own = [each.minimum.log_evidence for each in everything if each.rung == rung]
-            of_rung[rung] = float(logsumexp(own)) if own else -np.inf
+        of_body = {}
+        for body in BODY_MODELS:
+            own = [each.minimum.log_evidence for each in everything if each.body == body]
+            of_body[body] = float(logsumexp(own)) if own else -np.inf
         share = np.exp(evidence - logsumexp(evidence))
         tau = np.array([each.error.tau for each in everything])
         model_error = float(np.sqrt(share @ tau**2))
-        best = max(of_rung, key=of_rung.__getitem__)
+        best = max(of_body, key=of_body.__getitem__)
         beta = 1.0
-        if best not in EXACT:
-            beta = 1.0 / (1.0 + (model_error / _TEMPERING_MAG[best]) ** 2)
+        if best in WIDE:
+            beta = 1.0 / (1.0 + (model_error / BODY_MODELS[best].tempering_mag) ** 2)
         if beta > _LEAST_TEMPERING:
-            return SelectedModel(*_mixture(everything), of_rung, model_error, 1.0)
+            return SelectedModel(*_mixture(everything), of_body, model_error, 1.0)
         tempered = self._tempered(everything, beta)
-        return SelectedModel(*_mixture(tempered), of_rung, model_error, beta)
+        return SelectedModel(*_mixture(tempered), of_body, model_error, beta)
 
     def _with_errors(self, pool: list[Candidate]) -> list[Candidate]:
-        """Minima of the wide rungs with a model error of both correlation lengths, from the modes
-        of all rungs. One rung tells the modes that are fitted with the others."""
+        """Minima of the models of `WIDE` with a model error of both correlation lengths, from the
+        modes of all models. One of them tells the modes that are fitted with the others."""
         settings, found = self.settings, []
         for length in settings.lengths:
             error = ModelError(settings.first_error_mag, length)
-            for rung in (_SCREENED, *(each for each in WIDE if each != _SCREENED)):
-                starts = [self.start(rung, each) for each in pool]
+            for body in (_SCREENED, *(each for each in WIDE if each != _SCREENED)):
+                starts = [self.start(body, each) for each in pool]
                 given = starts, settings.iterations
-                fitted = self.fit(rung, error, *given)[: settings.kept_modes]
+                fitted = self.fit(body, error, *given)[: settings.kept_modes]
                 found += fitted
-                if rung == _SCREENED:
+                if body == _SCREENED:
                     pool = fitted or pool
         return found
 
     def _tempered(self, everything: list[Candidate], beta: float) -> list[Candidate]:
-        """Minima of the tempered likelihood, for the best model error of each likely rung."""
+        """Minima of the tempered likelihood, for the best model error of each likely body model."""
         settings = self.settings
         best = max(everything, key=lambda each: each.minimum.log_evidence)
         chosen: dict[str, Candidate] = {}
         for each in sorted(everything, key=lambda each: -each.minimum.log_evidence):
             behind = best.minimum.log_evidence - each.minimum.log_evidence
             if behind <= _DROP and each.error.tau > 0.0:
-                chosen.setdefault(each.rung, each)
+                chosen.setdefault(each.body, each)
         found: list[Candidate] = []
-        for rung, each in chosen.items():
+        for body, each in chosen.items():
             error = each.error._replace(beta=beta)
             same = [
                 other for other in everything
-                if other.rung == rung and other.error.length == each.error.length
+                if other.body == body and other.error.length == each.error.length
             ]  # fmt: skip
             starts = [other.minimum.u for other in same]
-            starts += [self.start(rung, other) for other in self.known]
-            model = self.models[rung]
+            starts += [self.start(body, other) for other in self.known]
+            model = self.models[body]
             factor = each.minimum.noise_factor
             white = CorrelatedFit(self.data, self.bins, model, each.error, factor)
             changed = {"noise_variance": white.equal_white_noise(each.minimum.u) / beta}
@@ -371,7 +371,7 @@ class _Selection:
                 start = np.zeros(model.sigma.size)
                 start[: self.carried] = self.rng.standard_normal(self.carried)
                 starts.append(start)
-            found += self.fit(rung, error, starts, settings.iterations, factor)
+            found += self.fit(body, error, starts, settings.iterations, factor)
         return found
 
 

@@ -1,0 +1,152 @@
+"""The models of a body between which its light curve decides, and the posterior over them.
+
+The body models differ in the prior standard deviations of shape, surface and reflection law, from
+the assumed body to one that is known only roughly.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.estimation.light_curves.light_curve import LightCurveModel
+from cislunar.estimation.light_curves.model_selection.correlated import Minimum, ModelError
+from cislunar.estimation.light_curves.row_blocks import ROTATION
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.runtime import Array
+
+
+class BodyModel(NamedTuple):
+    """What a model assumes of a body.
+
+    Attributes
+    ----------
+    prior : BodyParameterPrior
+        Prior standard deviations of shape, surface and reflection law.
+    tempering_mag : float or None
+        Model error, mag, at which the exponent of the likelihood is 1/2 (empirical); None for a
+        model that is fitted without a model error.
+    unknown_shape : bool
+        Whether the shape, and with it the body frame, is uncertain.
+    """
+
+    prior: BodyParameterPrior
+    tempering_mag: float | None = None
+    unknown_shape: bool = False
+
+
+BODY_MODELS = {
+    "known": BodyModel(BodyParameterPrior()),
+    "material": BodyModel(
+        BodyParameterPrior(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5)
+    ),
+    "small deviations": BodyModel(
+        BodyParameterPrior(
+            log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5, log_axis_scale=0.1,
+            log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.1,
+            phase_curvature=0.1,
+        ),
+        tempering_mag=0.1,
+    ),
+    "other law": BodyModel(
+        BodyParameterPrior(
+            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.1,
+            log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
+            phase_curvature=0.3,
+        ),
+        tempering_mag=0.02,
+    ),
+    "medium deviations": BodyModel(
+        BodyParameterPrior(
+            log_albedo=0.5, log_slope=0.35, logit_reflectance=1.0, log_axis_scale=0.2,
+            log_facets=0.5, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.2,
+            phase_curvature=0.2,
+        ),
+        tempering_mag=0.05, unknown_shape=True,
+    ),
+    "large deviations": BodyModel(
+        BodyParameterPrior(
+            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.3,
+            log_facets=1.0, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
+            phase_curvature=0.3,
+        ),
+        tempering_mag=0.05, unknown_shape=True,
+    ),
+}  # fmt: skip
+"""The models by name, apart from "other law" from the narrowest to the widest. "other law" has the
+shape priors of "small deviations" and the law priors of "large deviations"."""
+
+EXACT = tuple(name for name, body in BODY_MODELS.items() if body.tempering_mag is None)
+"""Body models that are fitted without a model error only."""
+
+WIDE = tuple(name for name, body in BODY_MODELS.items() if body.tempering_mag is not None)
+"""Body models that are also fitted with a model error."""
+
+
+class Candidate(NamedTuple):
+    """A minimum of the cost, with its body model and its model error."""
+
+    body: str
+    error: ModelError
+    minimum: Minimum
+
+
+class SelectedModel(NamedTuple):
+    """Posterior of a light curve over models of the body.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        Modes of the mixture, best first.
+    weight : ndarray, shape (mode,)
+        Their shares in the posterior, which sum to 1.
+    log_evidence : dict of str to float
+        Of each body model, before tempering, up to a common constant; -inf for one that was not
+        fitted.
+    model_error_mag : float
+        Root mean square of the correlated model error over the posterior.
+    tempering : float
+        Exponent beta of the likelihood of the mixture; 1 without tempering.
+    """
+
+    candidates: tuple[Candidate, ...]
+    weight: Array
+    log_evidence: dict[str, float]
+    model_error_mag: float
+    tempering: float
+
+    @property
+    def noise_factor(self) -> float:
+        """Factor of the best mode on the noise variance of the light curve's model; 1 if that is
+        known."""
+        return self.candidates[0].minimum.noise_factor
+
+    @property
+    def wide(self) -> bool:
+        """Whether the body models of `WIDE` were fitted."""
+        return self.log_evidence[WIDE[-1]] > -np.inf
+
+    @property
+    def body(self) -> str:
+        """The body model of the greatest evidence."""
+        return max(self.log_evidence, key=self.log_evidence.__getitem__)
+
+    @property
+    def unknown_shape(self) -> bool:
+        """Whether that body model has an uncertain shape."""
+        return BODY_MODELS[self.body].unknown_shape
+
+
+def with_body_model(model: LightCurveModel, body: str) -> LightCurveModel:
+    """The light-curve model with the surface deviations of a body model. The rotation deviations
+    (inertia and torque) are those of the given model."""
+    kinds, sigma = _surface_deviations(body, model.surface.areas.size)
+    rotation = model.sigma[: ROTATION + model.rotation_kinds.size]
+    return model._replace(sigma=np.concatenate([rotation, sigma]), surface_kinds=kinds)
+
+
+@cache
+def _surface_deviations(body: str, n_facets: int) -> tuple[NDArray[np.int64], Array]:
+    """Kinds and prior standard deviations of the surface deviations of a body model."""
+    return BODY_MODELS[body].prior.surface_kinds(n_facets)
