@@ -49,6 +49,10 @@ def test_what_is_known_without_an_attitude():
     added = np.diag(broad.covariance - narrow.covariance)[:3]
     np.testing.assert_allclose(np.rad2deg(np.sqrt(added)), 5.0, rtol=0.03)
     assert attitude_status(selected._replace(model_error_mag=0.3), model) == UNKNOWN_BODY
+    unknown = characterize(wide, data, model, np.random.default_rng(2))
+    usual, widened = (np.log(each.spin_period_h) for each in (found, unknown))
+    np.testing.assert_allclose(widened - widened[0], 2.7 * (usual - usual[0]), rtol=1e-6)
+    assert unknown.spin_axis_radius_deg == pytest.approx(1.8 * found.spin_axis_radius_deg)
 
 
 def test_area_times_albedo_is_that_of_a_sphere():

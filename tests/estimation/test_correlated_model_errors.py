@@ -96,6 +96,21 @@ def test_cost_with_a_correlated_error_against_the_density(tau):
         assert gradient[i] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=2e-3 * abs(value))
 
 
+@pytest.mark.parametrize("freedom", [0.0, 4.0])
+def test_compiled_descent_reaches_the_same_minimum(freedom):
+    """Without a model error, from several starts and after any number of steps."""
+    assumed, data = with_body_model(model_of(), "material"), observed_rows(80)
+    rng, model = np.random.default_rng(8), assumed._replace(noise_freedom=freedom)
+    data[:, MAGNITUDE] = expected_rows(np.full(model.sigma.size, 0.5), data, model)[0]
+    data[:, MAGNITUDE] += 0.1 * rng.standard_normal(80)
+    for start in 0.5 + 0.3 * rng.standard_normal((3, model.sigma.size)):
+        for iterations in (0, 1, 8):
+            fit = CorrelatedFit(data, bins_of_rows(data, 20), model, ModelError(0.0, 1.0))
+            compiled = fit.descent_without_error(start, iterations)
+            np.testing.assert_allclose(compiled, fit.descent(start, iterations), atol=1e-9)
+            assert iterations == 0 or not np.allclose(compiled, start, atol=1e-3)
+
+
 class _LinearFit(CorrelatedFit):
     """A fit of magnitudes that are linear in the parameters, with fixed directions."""
 

@@ -38,10 +38,10 @@ _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
 LEVELS = (0.025, 0.975)
 """Quantiles at the ends of a 95 % interval."""
-UNKNOWN_FACTOR = 1.8
-"""Factor on the intervals of period and axis, and on the deviations of attitude and angular
-velocity, of an unknown body, whose posterior has further local maxima, that the search does not
-find (empirical: intervals of cylinders and hexagonal prisms that are assumed to be icosahedra)."""
+UNKNOWN_FACTOR, _PERIOD_FACTOR = 1.8, 2.7
+"""Factors, for an unknown body, on the deviations of attitude and angular velocity and on the
+radius of the spin axis, and on the interval of the period. The posterior has further local maxima,
+that the search does not find (empirical, docs/attitude.md)."""
 _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""
 
@@ -192,10 +192,11 @@ def characterize(
     rates = np.linalg.norm(omega, axis=1)
     axes = to_inertial(quaternion, omega) / rates[:, None]
     status = attitude_status(selected, model)
-    factor = UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
+    unknown = status == UNKNOWN_BODY
+    of_axis, of_period = (UNKNOWN_FACTOR, _PERIOD_FACTOR) if unknown else (1.0, 1.0)
     logs = np.log(2.0 * np.pi / rates / 3600.0)
     period = np.median(logs)
-    low, high = period + factor * (np.quantile(logs, LEVELS) - period)
+    low, high = period + of_period * (np.quantile(logs, LEVELS) - period)
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
@@ -210,7 +211,7 @@ def characterize(
     return Characterization(
         Interval(*(float(np.exp(each)) for each in (period, low, high))),
         mean,
-        float(min(factor * np.rad2deg(np.quantile(angles, 0.95)), 180.0)),
+        float(min(of_axis * np.rad2deg(np.quantile(angles, 0.95)), 180.0)),
         span._replace(low=max(span.low, 0.0)),
         Interval(*(float(np.exp(each)) for each in size)),
         status,
