@@ -121,8 +121,9 @@ HISTORIES = {
         "estimated"),
     "attitude_status": History(
         "epoch", ("target",), "u1", "1",
-        "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
-        "or reflection law differs from the assumed one", "status"),
+        "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since the "
+        "shape probably differs from the assumed one or no model explains the light curve",
+        "status"),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(

@@ -40,7 +40,7 @@ LEVELS = (0.025, 0.975)
 """Quantiles at the ends of a 95 % interval."""
 UNKNOWN_FACTOR, _PERIOD_FACTOR = 1.8, 2.7
 """Factors, for an unknown body, on the deviations of attitude and angular velocity and on the
-radius of the spin axis, and on the interval of the period. The posterior has further local maxima,
+radius of the spin axis, and on the interval of the period. The posterior has further local maxima
 that the search does not find (empirical, docs/attitude.md)."""
 _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""

@@ -1,11 +1,11 @@
 """Choice between models of a body by the evidence of its light curve.
 
 All models of `cislunar.estimation.light_curves.model_selection.body_models` are fitted, the wider
-ones also with a correlated model error of several standard deviations and correlation lengths, and
-weighted by Laplace's approximation of the evidence. The wider ones are left out while a narrow one
-leaves residuals that are those of the noise and has a much larger evidence. If the best model is
-one of the wider ones, the likelihood is tempered, because its model error is described only
-roughly. docs/attitude.md has the equations.
+ones also with a correlated model error, whose standard deviation is estimated, with two correlation
+lengths, and weighted by Laplace's approximation of the evidence. The wider ones are left out while
+a narrow one leaves residuals that are those of the noise and has a much larger evidence. If the
+best model is one of the wider ones, the likelihood is tempered, because its model error is
+described only roughly. docs/attitude.md has the equations.
 """
 
 from collections.abc import Iterable, Sequence
