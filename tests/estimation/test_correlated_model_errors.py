@@ -106,8 +106,9 @@ def test_compiled_descent_reaches_the_same_minimum(freedom):
     for start in 0.5 + 0.3 * rng.standard_normal((3, model.sigma.size)):
         for iterations in (0, 1, 8):
             fit = CorrelatedFit(data, bins_of_rows(data, 20), model, ModelError(0.0, 1.0))
-            compiled = fit.descent_without_error(start, iterations)
-            np.testing.assert_allclose(compiled, fit.descent(start, iterations), atol=1e-9)
+            compiled, rows = fit.descent_without_error(start, iterations)
+            np.testing.assert_allclose(compiled, fit.descent(start, iterations)[0], atol=1e-9)
+            np.testing.assert_array_equal(rows[0], fit.rows(compiled)[0])
             assert iterations == 0 or not np.allclose(compiled, start, atol=1e-3)
 
 

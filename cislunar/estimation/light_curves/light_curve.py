@@ -102,6 +102,11 @@ class Anchor(NamedTuple):
     offset: Array
 
 
+def prior_anchor(size: int) -> Anchor:
+    """The prior N(0, I) of `size` parameters."""
+    return Anchor(np.zeros(size), np.eye(size), np.zeros(1))
+
+
 @njit_noalloc
 def initial_state(u, model, quaternion, omega):
     """Attitude ``dq(p0) (x) q`` (4,) and angular velocity (3,) at the epoch, given the

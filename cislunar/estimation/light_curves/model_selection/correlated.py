@@ -47,7 +47,7 @@ from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtrs
 
 from cislunar.compiled import njit_alloc
 from cislunar.estimation.light_curves.levenberg_marquardt import refine
-from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
+from cislunar.estimation.light_curves.light_curve import LightCurveModel, prior_anchor
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SUN, TIME, VIEW, WEIGHT
 from cislunar.runtime import Array
@@ -304,8 +304,7 @@ class CorrelatedFit:
         self._noise, self._tau = self._first_noise, self._error.tau
         without_error = self._error.tau == 0.0 and self._error.beta == 1.0
         descent = self.descent_without_error if without_error else self.descent
-        u = descent(start, iterations)
-        rows = self.rows(u)
+        u, rows = descent(start, iterations)
         self.refresh(rows)
         value, _, information = self.cost(u, rows)
         log_det = np.linalg.slogdet(information)[1]
@@ -314,16 +313,16 @@ class CorrelatedFit:
             u, information, float(evidence + self._scale_evidence()), self._noise, self._tau
         )
 
-    def descent_without_error(self, start: Array, iterations: int) -> Array:
+    def descent_without_error(self, start: Array, iterations: int) -> tuple[Array, tuple]:
         """`descent` without a model error, compiled."""
         u, size = start.copy(), start.size
-        anchor = Anchor(np.zeros(size), np.eye(size), np.zeros(1))
         nothing = np.empty((size, size)), np.empty((0, size)), np.empty((0, size, size)), 0.0
-        refine(u, self._data, anchor, self._model, _DAMPING, iterations, *nothing)
-        return u
+        given = prior_anchor(size), self._model, _DAMPING, iterations
+        refine(u, self._data, *given, *nothing)
+        return u, self.rows(u)
 
-    def descent(self, start: Array, iterations: int) -> Array:
-        """The parameters of the minimum that is reached from a start."""
+    def descent(self, start: Array, iterations: int) -> tuple[Array, tuple]:
+        """The parameters of the minimum that is reached from a start, and their rows."""
         u, damping, since = start.copy(), _DAMPING, 0
         rows = self.rows(u)
         self.refresh(rows)
@@ -358,7 +357,7 @@ class CorrelatedFit:
                     break
             elif small:
                 break
-        return u
+        return u, rows
 
     def _scale_evidence(self) -> float:
         """What the estimation of ln f and of ln tau adds to the logarithm of the evidence. The

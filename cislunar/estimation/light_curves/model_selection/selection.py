@@ -170,7 +170,8 @@ def narrowed(
 
 
 class _Selection:
-    """Fits of one light curve. `known` has the modes of a shorter one, best first."""
+    """Fits of one light curve. `known` has the modes of a shorter one, best first, and `apart`
+    those of them that are not near one of the modes of the model."""
 
     def __init__(
         self,
@@ -190,6 +191,7 @@ class _Selection:
         self.known = () if previous is None else self._distinct(previous.candidates)
         self.known = self.known[: 2 * settings.kept_modes]
         self.model, self.modes = model, modes[: 2 * settings.kept_modes]
+        self.apart = [each for each in self.known if not self._among_modes(each)]
 
     def fit(
         self,
@@ -281,7 +283,7 @@ class _Selection:
     def near_modes(self, body: str, iterations: int) -> list[Candidate]:
         """Minima, without a model error, near the known modes and those of the model."""
         own, model = self.models[body], self.model
-        starts = [self.start(body, each) for each in self.known if not self._among_modes(each)]
+        starts = [self.start(body, each) for each in self.apart]
         for each in self.modes:
             start = np.zeros(own.sigma.size)
             same = min(each.size, start.size)

@@ -28,10 +28,10 @@ from scipy.stats import chi
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import (
-    Anchor,
     LightCurveModel,
     cost_and_derivatives,
     initial_state,
+    prior_anchor,
 )
 from cislunar.estimation.light_curves.model_selection.body_models import with_body_model
 from cislunar.estimation.light_curves.model_selection.characterization import (
@@ -203,8 +203,8 @@ def _minimum(u: Array, data: Array, model: LightCurveModel) -> Minimum:
     """A minimum of the cost, which counts as the negative logarithm of its evidence."""
     size = u.size
     gradient, information = np.empty(size), np.empty((size, size))
-    anchor = Anchor(np.zeros(size), np.eye(size), np.zeros(1))
-    cost = float(cost_and_derivatives(u, data, anchor, model, gradient, information))
+    given = prior_anchor(size), model, gradient, information
+    cost = float(cost_and_derivatives(u, data, *given))
     return Minimum(u, information, -cost)
 
 
