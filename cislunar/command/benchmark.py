@@ -70,7 +70,7 @@ def reference(folder: str, method: str, output: str) -> None:
 @benchmark.command()
 @click.argument("submission")
 @click.option("--truth", required=True, metavar="DIR", help="Folder of the benchmark.")
-@click.option("--output", metavar="FOLDER", help="Folder for score.csv and score.png.")
+@click.option("--output", metavar="FOLDER", help="Folder for score.csv, score.png and score.pdf.")
 def score(submission: str, truth: str, output: str | None) -> None:
     """Score a SUBMISSION, a file or a folder, against the sealed truth.
 

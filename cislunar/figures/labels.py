@@ -55,7 +55,7 @@ ASSOCIATORS = {
     "nearest-neighbor": "global nearest neighbor",
     "joint-probabilities": "joint probabilistic data association",
     "multiple-frames": "assignment over several exposures",
-    "multiple-frames-unconfirmed": "assignment over several exposures, without confirmation",
+    "multiple-frames-unconfirmed": "assignment over several exposures, weaker confirmation",
     "tasked target": "tasked target alone",
 }
 

@@ -31,7 +31,7 @@ def _groups(quantity: str) -> tuple[str, str]:
 ROWS = (
     Row("right orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
     Row(
-        "right orbits, % of\nobjects with at least\nthree tracklets",
+        "right orbits, % of\nfindable objects",
         _groups("completeness"),
         100.0,
         within=PERCENT,

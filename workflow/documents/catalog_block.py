@@ -45,7 +45,7 @@ _COLUMNS = {
                "any other, if they outnumber its false alarms. It is right if its position error "
                "at its last detection is at most 500 km. The number of right orbits is that of "
                "the objects with such an orbit."),
-        Column("Right orbits, difference to the survey of the first row", "right_difference",
+        Column("Right orbits, difference from the survey of the first row", "right_difference",
                "+.0f",
                terms="The difference is that of the same realizations, if both surveys have the "
                "same objects."),
@@ -65,8 +65,9 @@ _COLUMNS = {
                terms="The error of known objects is the geometric mean of the position errors, at "
                "the end of the stated days, of the objects that had a right orbit a day before; "
                "objects lost since count with 500 km."),
-        Column("Error of known objects, increase by the search (%)", "search_cost", "+.1f", 100.0,
-               terms="The increase by the search is that of this mean over that of the survey "
+        Column("Increase of the error of known objects due to the search (%)", "search_cost",
+               "+.1f", 100.0,
+               terms="The increase due to the search is that of this mean over that of the survey "
                "that stops searching."),
         Column("Hours to catalog", "hours_to_catalog", ".1f",
                terms="Hours to catalog are the median time from the first detection of an object "
