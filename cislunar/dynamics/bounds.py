@@ -34,7 +34,7 @@ units from the barycenter and at an inertial speed of at most 9.5 units, 9.7 km/
 def check_position(
     place: str, names: Sequence[str], position: Sequence[float], unit: str, remedy: str = ""
 ) -> None:
-    """Raise an `InputFileError` for a position, nondimensional, beyond `_FURTHEST_KM`. `place`
+    """Raise an `InputFileError` for a position, nondimensional, beyond 10,000,000 km. `place`
     names the row, `names` its columns, `unit` is that of the columns (``km`` or none), and `remedy`
     is appended to the message."""
     distance = LENGTH_UNIT_KM * float(np.linalg.norm(position))
@@ -52,7 +52,7 @@ def check_position(
 def check_velocity(
     place: str, names: Sequence[str], state: Sequence[float], unit: str, remedy: str = ""
 ) -> None:
-    """Raise an `InputFileError` for a speed more than `_LARGEST_EXCESS_KM_S` above escape. `state`
+    """Raise an `InputFileError` for a speed more than 10 km/s above escape. `state`
     (6,) is nondimensional, rotating frame; for the other arguments see `check_position`."""
     excess = float(_excess_km_s(np.asarray(state)))
     if excess > _LARGEST_EXCESS_KM_S:
@@ -111,7 +111,7 @@ def require_nondimensional(name: str, given: ArrayLike) -> None:
 
 def require_kilometers(name: str, state: ArrayLike) -> None:
     """Raise a `ConfigurationError` for a state (6,) relative to the Earth-Moon barycenter, inertial
-    axes, that must be in another unit than km and km/s: beyond `_FURTHEST_KM`, or faster than
+    axes, that must be in another unit than km and km/s: beyond 10,000,000 km, or faster than
     `_FASTEST_KM_S`."""
     values = np.asarray(state, dtype=float)
     for quantity, found, most, unit in (
@@ -126,7 +126,7 @@ def require_kilometers(name: str, state: ArrayLike) -> None:
 
 
 def check_period(place: str, name: str, period: float, unit: str) -> None:
-    """Raise an `InputFileError` for a period that is negative or beyond `_LONGEST_DAYS`."""
+    """Raise an `InputFileError` for a period that is negative or longer than 1000 days."""
     days = period * TIME_UNIT_S / SECONDS_PER_DAY
     if not 0.0 <= days <= _LONGEST_DAYS:
         value = days if unit == "km" else period

@@ -289,7 +289,8 @@ def propagate_stm(
     rtol: float = 1e-13,
     atol: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Propagate states and their state transition matrices with DOP853; errors as in `propagate`.
+    """Propagate states and their state transition matrices with DOP853; errors as in `propagate`,
+    except that a single state in km is not detected.
 
     Many states are integrated together with the same result for each, see `propagate_many`.
 

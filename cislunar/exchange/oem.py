@@ -74,6 +74,16 @@ def oem_text(
         ORIGINATOR.
     time_system : {"UTC", "TAI", "TT", "TDB"}
         Time scale of the dates, which are written to the microsecond.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ConfigurationError
+        If `created` is no date, the time scale is unknown, a UTC date lies before 1972, or a name
+        is not a printable text of one line.
     """
     lines = kvn.header("OEM", "2.0", created, comments, originator)
     for segment in segments:

@@ -50,7 +50,8 @@ def tdm_text(
     time_system: str = DATE_SYSTEM,
     ephemerides: Mapping[str, str] | None = None,
 ) -> str:
-    """Text of a message, version 2.0; its numbers have 17 digits and are read back unchanged.
+    """Text of a message, version 2.0; its numbers have the fewest digits that are read
+    back unchanged.
 
     Parameters
     ----------

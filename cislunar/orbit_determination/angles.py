@@ -167,8 +167,9 @@ def make_angles(
     Raises
     ------
     ConfigurationError
-        If shapes disagree, a value is not finite, a standard deviation is not positive, or the
-        times decrease.
+        If the shape of `time`, `observer`, `observer_position` or `direction` is wrong, a value of
+        these or of `sigma_rad` is not finite, a direction has no length, a standard deviation is
+        not positive, or the times decrease.
     """
     times = array_of("time", time, ("row",))
     n = times.size
@@ -220,8 +221,8 @@ def angles_from_table(
         Time zero of the CR3BP, TDB seconds past J2000; by default the first detection. Ephemeris
         forces have an epoch.
     bodies : BodyTable, optional
-        Positions of Earth and Moon for the CR3BP, whose frame is the pulsating frame. Ephemeris
-        forces have a table.
+        Positions of Earth, Moon and Sun, required for the CR3BP, whose frame is the pulsating
+        frame. Ephemeris forces have a table.
     light_time : bool
         Whether to correct for light time by equation (1); False for geometric directions, such as
         those of a simulation.

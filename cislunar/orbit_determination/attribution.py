@@ -185,7 +185,7 @@ def tracklet_matches(
 ) -> tuple[Indices, Indices, Array]:
     """Tracklets within the gates of converged fits, whose times lie between `first` and `last`
     (fit,): indices of fits and of tracklets (match,), and the logarithm of the density of direction
-    and rate, rad^-2 and nondimensional time squared.
+    and rate, in rad^-4 times the squared nondimensional unit of time.
 
     Raises
     ------

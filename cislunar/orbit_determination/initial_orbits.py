@@ -107,7 +107,8 @@ def initial_orbits(
     Returns
     -------
     InitialOrbits
-        Without fits if the verdict is that the angles are contradictory or give no orbit.
+        Without fits if the verdict is CONTRADICTORY or NO_ORBIT, and if it is DIRECTION_ONLY
+        because there are fewer than three rows or no fit is regular.
 
     Raises
     ------

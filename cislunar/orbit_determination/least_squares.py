@@ -51,7 +51,7 @@ class OrbitFits(NamedTuple):
     state : ndarray, shape (fit, 6)
         Nondimensional, propagation frame.
     covariance : ndarray, shape (fit, 6, 6)
-        NaN unless the fit has converged.
+        Of the state, nondimensional, propagation frame; NaN unless the fit has converged.
     root : ndarray, shape (fit, 6, 6)
         A factor of the covariance, root^T root, whose small singular values are accurate where
         those of the covariance are lost to rounding. NaN unless the fit has converged.
@@ -65,7 +65,8 @@ class OrbitFits(NamedTuple):
     row : ndarray of int, shape (n,)
         Rows ``begin[k]:begin[k + 1]`` of it are the rows of angles of fit k.
     position : ndarray, shape (n, 3)
-        Of the object at each row of angles, when its light left it, relative to the observer.
+        Of the object at each row of angles, when its light left it, relative to the observer;
+        nondimensional, propagation frame.
     """
 
     epoch: Array
@@ -289,7 +290,7 @@ def fit_orbits(
     forces : NamedTuple
         Force model.
     iterations : int
-        Largest number of evaluations of a fit.
+        Largest number of Levenberg-Marquardt iterations of a fit.
     abandon_above : float
         Chi squared above which a fit is abandoned after four iterations.
 

@@ -131,8 +131,11 @@ def log_scores(
     settings: LinkingSettings,
     log_clutter: ArrayLike,
 ) -> Array:
-    """Scores of hypotheses, equation (1); minus infinity for those that are not admissible or have
-    two detections in one exposure.
+    """Scores of hypotheses, equation (1).
+
+    The score is minus infinity if the fit has not converged, the size that the brightness implies
+    is outside of the region, the sphere would be unlit at a detection, or two detections are in one
+    exposure. Distance and Jacobi constant are not checked.
 
     Parameters
     ----------

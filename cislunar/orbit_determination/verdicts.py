@@ -94,9 +94,9 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
     Returns
     -------
     ndarray, shape (fit,)
-        The least probability over the observers. 0 if there are two observers and the fit to the
-        angles of one of them does not converge from the orbit; 1 if there are one or more than
-        three observers.
+        The least probability over the observers. 0 if there are two observers and one of
+        them has fewer than three rows, or the fit to its angles does not converge from the orbit; 1
+        if there are one or more than three observers.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
 def undetermined_directions(
     fits: OrbitFits, region: AdmissibleRegion, settings: VerdictSettings | None = None
 ) -> Indices:
-    """Undetermined directions of state space of each fit; 6 if it has not converged.
+    """Number of undetermined directions of state space of each fit; 6 if it has not converged.
 
     Parameters
     ----------

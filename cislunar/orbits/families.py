@@ -42,18 +42,19 @@ DEFAULT_MEMBERS: Mapping[str, int] = {
 
 
 class OrbitSet(NamedTuple):
-    """Periodic orbits, one row each."""
+    """Orbits, one row each; periodic unless their stability index is NaN."""
 
     family: NDArray[np.str_]
     """Family name, shape (n,)."""
     state: Array
-    """State at epoch on y = 0, nondimensional, rotating frame, shape (n, 6)."""
+    """State at the epoch, nondimensional, rotating frame, shape (n, 6); on y = 0 for the families
+    that are symmetric about the xz-plane or the x axis."""
     period: Array
-    """Period, nondimensional, shape (n,)."""
+    """Period, nondimensional, shape (n,); 0 for an open trajectory."""
     jacobi: Array
     """Jacobi constant, shape (n,)."""
     stability_index: Array
-    """Stability index, at least 1, shape (n,)."""
+    """Stability index, at least 1, shape (n,); NaN for an orbit that is not periodic."""
     perilune_km: Array
     """Least distance from the center of the Moon, km, shape (n,)."""
     perigee_km: Array

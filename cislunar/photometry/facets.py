@@ -281,8 +281,9 @@ def apparent_magnitude(
     material : Material, optional
         Surface; the default material if omitted.
     model : PhotometryModel, optional
-        Laws of irradiance and reflection; by default light spreads as 1/r^2 and is reflected by the
-        law of Cook & Torrance.
+        Law of irradiance and form of the Fresnel term; by default light spreads as 1/r^2, and the
+        Fresnel term has the root. The reflection law is that of Cook & Torrance whatever
+        `model.reflection` is; `cislunar.observation.target_surfaces` applies other laws.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 

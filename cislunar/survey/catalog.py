@@ -188,7 +188,8 @@ class SurveyCatalog:
     def add_angles(self, angles: Angles, limiting_magnitude: ArrayLike, area_deg2: float) -> Angles:
         """Take up detections that are angles already, in order of time, with the limiting magnitude
         (row,) of the exposure of each, and return them; `area_deg2` is the area of all exposures,
-        those without a detection included."""
+        those without a detection included. Directions are taken to be geometric: the light delay of
+        the angles is set to 0."""
         self._area_deg2 += area_deg2
         if angles.time.size:
             self._angles.append(angles._replace(light_delay=0.0))

@@ -50,7 +50,8 @@ class CatalogState(NamedTuple):
     confirmed, right, wrong, false, duplicate : int
         Confirmed orbits; those of one object with a small error, one for each object; those of an
         object with a large error, or of several with equally many detections; those most of whose
-        detections are false alarms; further orbits of an object that has a right one.
+        detections are false alarms; further orbits with a small error of an object that has a
+        right one.
     candidates : int
         Orbits that are not confirmed.
     linked : int
@@ -66,11 +67,12 @@ class CatalogState(NamedTuple):
     purity : float
         Share of the detections in confirmed orbits that are of the object that most are of.
     nees : float
-        Mean normalized estimation error squared of the right confirmed orbits; 6 if consistent.
+        Mean normalized estimation error squared of the right confirmed orbits and of duplicates; 6
+        if consistent.
     covered : float
         Share of them whose true state is within the region of 95 % of their covariance.
     median_error_km : float
-        Median position error of the right confirmed orbits.
+        Median position error of the right confirmed orbits and of duplicates.
     completeness_maneuvering : float
         `completeness` of the objects that have maneuvered so far.
     custody : float

@@ -67,8 +67,10 @@ class SurveyResult(NamedTuple):
     Attributes
     ----------
     states : DataFrame
-        Quality after each run of linking; columns are the fields of `CatalogState`, the expected
-        number of undetected objects, exposures and detections.
+        Quality after each run of linking; columns are the fields of `CatalogState`, ``undetected``
+        (expected number of undetected objects), and the numbers of ``exposures``, ``detections``
+        and ``false_alarms`` so far. The last row also has the fields of
+        `CharacterizationQuality` if light curves are used.
     orbits : DataFrame
         Orbits after each run of linking (`cislunar.survey.quality.ORBIT_COLUMNS`).
     objects : DataFrame

@@ -102,7 +102,7 @@ class LineageSettings(Section):
 
     maneuvers_per_day: NotNegative = setting(
         "assumed number of maneuvers of an object in a day; 0: the catalog assumes that no object "
-        "maneuvers", "1", default=0)
+        "maneuvers", "1/day", default=0)
     scales_m_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = setting(
         "standard deviations of a component of a change of velocity, equally probable", "m/s",
         default=(1, 20, 300))

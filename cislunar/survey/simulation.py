@@ -111,7 +111,8 @@ def run_survey(
         How the catalog treats errors of the observers, and their assumed standard deviations. The
         true errors are those of `truth`. No treatment if omitted.
     body : TargetSurfaces, optional
-        Assumed body of all objects, its first, for their characterization.
+        Assumed body of all objects, its first, for their characterization; required if
+        `characterization.least_detections` is above 0.
     progress : callable, optional
         Called with (blocks done, all blocks), and at the end with the same numbers to which the
         orbits that have been and that are to be characterized are added.

@@ -109,7 +109,7 @@ class TrueObjects:
     def states(self, objects: ArrayLike, steps: ArrayLike) -> Array:
         """True states at times so far.
 
-        They are propagated again from states that are kept every `_BLOCKS_KEPT` blocks, over the
+        They are propagated again from states that are kept every twelve blocks, over the
         same blocks and therefore with the same rounding.
 
         Parameters

@@ -98,8 +98,11 @@ def cluster(
 
     Returns
     -------
-    Clusters
-        Independent of the machine.
+    NamedTuple
+        Independent of the machine: ``center``, shape (cluster, 3), the mean of the points of each
+        cluster, nondimensional; ``members``, shape (cluster,), the number of its points with
+        multiplicity; ``label``, shape (point,), the cluster of each point; ``inertia``, the sum of
+        the squared distances of the points from their centers, nondimensional.
 
     Raises
     ------
@@ -139,7 +142,7 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64
     Returns
     -------
     points : ndarray, shape (distinct, 3)
-        In lexicographic order of the coordinates rounded to `_ORDER_DECIMALS`; points that agree in
+        In lexicographic order of the coordinates rounded to nine decimals; points that agree in
         these are identified with the first of them.
     weight : ndarray, shape (distinct,)
         Multiplicity, as float.

@@ -131,11 +131,11 @@ def coverage_tables(
     fold : int
         Number of satellites that must see an element for it to count fully.
     window : str
-        One of `_WINDOWS`: "sample" for target-hours, "day" for target-days.
+        "sample" for target-hours, or "day" for target-days.
     max_stability_index : float
         Orbits with a larger stability index are excluded.
     propagator : str
-        Method for the observers, see `cislunar.visibility.counts.satellite_tracks`.
+        Method for the observers, see `cislunar.visibility.tracks.satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional

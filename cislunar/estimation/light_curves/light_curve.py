@@ -206,7 +206,12 @@ def cost(u, data, anchor, model, stop_above):
         Prior.
     model : LightCurveModel
     stop_above : float
-        The summation stops once it exceeds this value; the result is then a lower bound.
+        The summation stops once it exceeds this value.
+
+    Returns
+    -------
+    float
+        Dimensionless; a lower bound if the summation has stopped.
     """
     return cost_with(make_cost_work(u.shape[0]), u, data, anchor, model, stop_above)
 

@@ -56,7 +56,7 @@ _CONVERGED = 1e-2
 
 class AngleRows(NamedTuple):
     """Observations of a target in the order of time: time (row,), an index of the scene; observer
-    (row,); right ascension and declination (row, 2) and their variances (row, 2), rad."""
+    (row,); right ascension and declination (row, 2), rad, and their variances (row, 2), rad^2."""
 
     time: Indices
     observer: Indices

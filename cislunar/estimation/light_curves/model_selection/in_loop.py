@@ -81,12 +81,12 @@ def updated_selection(
 ) -> Selection:
     """Selection for a light curve that may have grown.
 
-    All models are searched when the light curve has grown by `_SEARCH_GROWTH`, from its last modes.
+    All models are searched when the light curve has grown by a factor of 2.5, from its last modes.
     In between, if the models of `WIDE` were left out at the last search, those of `EXACT` are
-    fitted again with any new row; those of `WIDE` are searched as soon as the residuals are no
-    longer those of the noise, but not before a growth by `_FIT_GROWTH`. If they were not left out,
-    all modes are fitted again after that growth, unless the body is unknown. For `modes` see
-    `select_model`."""
+    fitted again with any new row. The models of `WIDE` are then searched as soon as the residuals
+    are no longer those of the noise, but not before a growth by a factor of 1.5. If they were not
+    left out, all modes are fitted again after that growth, unless the body is unknown. For `modes`
+    see `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last
