@@ -68,6 +68,10 @@ def free_orbit_slots(
     max_stability_index : float
         Orbits with a larger stability index are excluded.
 
+    Returns
+    -------
+    OrbitSlots
+
     Raises
     ------
     ConfigurationError
@@ -93,6 +97,10 @@ def satellite_orbit_slots(
         Orbits, and satellites on each, at j/n of the period.
     phase : array_like, shape (slot,)
         Fractions of the period by which the satellites of each slot are ahead of these phases.
+
+    Returns
+    -------
+    OrbitSlots
     """
     ahead = [p + np.arange(n) / n for n, p in zip(satellites, phase, strict=True)]
     return orbit_slots_at(orbits, np.repeat(orbit, satellites), np.concatenate(ahead))

@@ -168,6 +168,10 @@ def read_scenario(folder: str | Path) -> BenchmarkScenario:
     folder : str or Path
         Folder of the benchmark.
 
+    Returns
+    -------
+    BenchmarkScenario
+
     Raises
     ------
     ConfigurationError, InputFileError

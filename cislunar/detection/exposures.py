@@ -99,6 +99,10 @@ def point_at(
         Predicted positions, nondimensional, propagation frame. There is no exposure where they are
         NaN.
 
+    Returns
+    -------
+    Exposures
+
     Raises
     ------
     ConfigurationError

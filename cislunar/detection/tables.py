@@ -33,7 +33,7 @@ def exposure_table(
     epoch_tdb: float,
     axes: ArrayLike,
 ) -> pd.DataFrame:
-    """Exposures by `EXPOSURE_COLUMNS`.
+    """Table of exposures.
 
     Parameters
     ----------
@@ -47,6 +47,13 @@ def exposure_table(
         Time of index 0 of the scene, s past J2000, TDB.
     axes : array_like, shape (time, 3, 3)
         Rotations from the propagation frame to the ICRF at the scene's times.
+
+    Returns
+    -------
+    DataFrame
+        Columns `EXPOSURE_COLUMNS`: ``obsTime`` is UTC; ``ra`` and ``dec`` are those of the
+        boresight, ICRF, deg; ``fieldDeg`` is the width of the field, deg; ``limMag`` is in mag;
+        ``falseAlarms`` is the mean number in the field.
     """
     index = first + exposures.step
     ra, dec, _ = icrf_directions(exposures.boresight, None, _turns(index, scene, axes))

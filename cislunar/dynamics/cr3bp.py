@@ -148,6 +148,11 @@ def equations_of_motion(state: ArrayLike, mu: float = MU) -> Array:
         Nondimensional, rotating frame.
     mu : float
         Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        Nondimensional, rotating frame.
     """
     s = np.asarray(state, dtype=float)
     d, r = primary_distances(s, mu)

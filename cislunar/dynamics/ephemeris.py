@@ -51,6 +51,10 @@ def forces_between(
     kernel : str or Path
         ``"de421"``, ``"de440"``, or the path of an SPK file.
 
+    Returns
+    -------
+    EphemerisForces
+
     Raises
     ------
     ConfigurationError

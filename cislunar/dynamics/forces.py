@@ -60,6 +60,11 @@ def of_targets(forces: tuple, targets: NDArray[np.int64]) -> tuple:
         if they are common, and a method `of_targets`.
     targets : ndarray of int, shape (n,)
         Their indices.
+
+    Returns
+    -------
+    NamedTuple
+        `forces` itself, if its values are common to the targets.
     """
     common = getattr(forces, "n_targets", None) is None
     return forces if common else forces.of_targets(targets)

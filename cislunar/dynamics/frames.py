@@ -69,6 +69,10 @@ def pulsating_frame(table: BodyTable, time: ArrayLike) -> Frame:
     time : array_like, shape (...)
         TDB seconds past J2000.
 
+    Returns
+    -------
+    Frame
+
     Raises
     ------
     ConfigurationError

@@ -79,6 +79,10 @@ def tabulate_bodies(start: float, stop: float, kernel: str | Path = DEFAULT_KERN
     kernel : str or Path
         ``"de421"``, ``"de440"``, or the path of an SPK file.
 
+    Returns
+    -------
+    BodyTable
+
     Raises
     ------
     ConfigurationError

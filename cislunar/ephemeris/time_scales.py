@@ -173,6 +173,11 @@ def tdb_seconds(instant: str | float) -> float:
         ISO 8601 date (see `clock_seconds`), Julian date (see `utc_to_tdb`), or see
         `cislunar.quantities.date_of`.
 
+    Returns
+    -------
+    float
+        TDB, s.
+
     Raises
     ------
     ConfigurationError
@@ -231,6 +236,11 @@ def tdb_after(epoch_tdb_s: ArrayLike, elapsed_s: ArrayLike) -> Array:
     elapsed_s : array_like
         Times since the epoch, in seconds of TT, TAI and UTC, so that equal steps are equal steps of
         dates in UTC. Seconds of TDB differ from them by up to 30 microseconds a day.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        TDB, s, of the broadcast epochs and times.
     """
     return clock_to_tdb(tdb_to_clock(epoch_tdb_s, "TT") + np.asarray(elapsed_s, dtype=float), "TT")
 

@@ -38,6 +38,10 @@ def estimator_named(
         Of the paper's filter, see `cislunar.estimation.kalman.mukf.MultiplicativeUKF`. The batch
         estimator has its own settings of noise and parameters.
 
+    Returns
+    -------
+    EstimatorFactory
+
     Raises
     ------
     ConfigurationError

@@ -51,6 +51,10 @@ def unscented_weights(
     alpha, beta, kappa : float
         Parameters of the transform; `kappa` is ``3 - n`` if omitted.
 
+    Returns
+    -------
+    UnscentedWeights
+
     Raises
     ------
     ConfigurationError

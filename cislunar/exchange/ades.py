@@ -93,6 +93,10 @@ def ades_text(
     mode, catalog, band : str
         Values of ``mode``, ``astCat`` and ``band`` where the table has none.
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     ConfigurationError

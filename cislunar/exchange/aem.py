@@ -71,6 +71,10 @@ def aem_text(
     created, comments, originator, time_system
         See `cislunar.exchange.oem.oem_text`.
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     ConfigurationError

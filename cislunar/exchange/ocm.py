@@ -111,6 +111,10 @@ def ocm_text(
     created, comments, originator, time_system
         See `cislunar.exchange.oem.oem_text`.
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     ConfigurationError

@@ -49,6 +49,10 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
     time_system : {"UTC", "TAI", "TT", "TDB"}
         Time scale of the dates, which are written to the microsecond.
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     ConfigurationError

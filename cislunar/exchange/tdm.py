@@ -64,6 +64,10 @@ def tdm_text(
     ephemerides : mapping of str to str, optional
         Names of the orbit ephemeris messages of observers in space, by ``stn`` (EPHEMERIS_NAME_1).
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     ConfigurationError

@@ -104,6 +104,11 @@ def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) 
     mu : float
         Mass ratio.
 
+    Returns
+    -------
+    list of Point
+        In order along the branch.
+
     Raises
     ------
     ConvergenceError

@@ -95,6 +95,10 @@ def plain_body(facets: Facets, material: Material) -> Body:
         Shape.
     material : Material
         Surface.
+
+    Returns
+    -------
+    Body
     """
     areas = np.ascontiguousarray(facets.areas, dtype=float)
     normals = np.ascontiguousarray(facets.normals, dtype=float)
@@ -122,6 +126,10 @@ def build_body(
         Steps of the shadow table from pole to equator.
     shadows : Shadows, optional
         Shadow table of the mesh, if it has been computed already.
+
+    Returns
+    -------
+    Body
 
     Raises
     ------

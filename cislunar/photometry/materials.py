@@ -96,6 +96,11 @@ def group_materials(source: str, text: str, usual: Material) -> dict[str, Materi
     usual : Material
         The material that ``material`` denotes.
 
+    Returns
+    -------
+    dict of str to Material
+        Material of each group, in the order of the text.
+
     Raises
     ------
     InputFileError

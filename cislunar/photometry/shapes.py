@@ -47,6 +47,10 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
         Vertices, m, body frame.
     triangles : array_like of int, shape (F, 3)
         Vertex indices of each facet.
+
+    Returns
+    -------
+    Facets
     """
     corners = np.asarray(vertices, dtype=float)[np.asarray(triangles)]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -79,6 +83,10 @@ def scale_axes(facets: Facets, factors: ArrayLike) -> Facets:
         Shape.
     factors : array_like, shape (3,)
         Positive, one for each body axis.
+
+    Returns
+    -------
+    Facets
 
     Raises
     ------

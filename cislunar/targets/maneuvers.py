@@ -278,6 +278,10 @@ def draw_maneuvers(
         Returns the generator of a target and a kind, given their indices. The maneuvers of a target
         therefore do not depend on other targets and kinds, and a larger share adds targets.
 
+    Returns
+    -------
+    Maneuvers
+
     Raises
     ------
     ConfigurationError

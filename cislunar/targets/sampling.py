@@ -154,6 +154,10 @@ def sample_zero_velocity(
     progress : callable, optional
         Called with (missions done, missions).
 
+    Returns
+    -------
+    _SampledPoints
+
     Raises
     ------
     ConfigurationError

@@ -95,6 +95,10 @@ def decide(
     rng : numpy.random.Generator
         For methods that search.
 
+    Returns
+    -------
+    Decision
+
     Raises
     ------
     ConfigurationError

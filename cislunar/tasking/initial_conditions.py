@@ -93,6 +93,10 @@ def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimat
         Mean states at the start of the run, nondimensional, propagation frame.
     sigma : array_like, shape (12,)
         Standard deviations, see `InitialEstimate`.
+
+    Returns
+    -------
+    InitialEstimate
     """
     states = np.array(translation, dtype=float)
     rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0

@@ -93,6 +93,10 @@ def certify_coverage(
     steps : int
         Largest number of subgradient steps of each bound.
 
+    Returns
+    -------
+    ObjectiveCertificate
+
     Raises
     ------
     ConfigurationError

@@ -70,6 +70,10 @@ def coverage(
         Photometry and exclusion.
     length : array_like, shape (time,) or ()
         Unit of length of the frame in units of l*.
+
+    Returns
+    -------
+    Coverage
     """
     times = np.asarray(times, dtype=float)
     positions = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
@@ -115,6 +119,10 @@ def gaps(seen: ArrayLike, step_hours: float) -> Gaps:
         Whether each target is seen, at times of equal step.
     step_hours : float
         The step, h.
+
+    Returns
+    -------
+    Gaps
     """
     seen = np.asarray(seen, dtype=bool)
     n_times, n_targets = seen.shape

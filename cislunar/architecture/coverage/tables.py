@@ -141,6 +141,10 @@ def coverage_tables(
     progress : callable, optional
         Called with (orbits done, orbits).
 
+    Returns
+    -------
+    CoverageTables
+
     Raises
     ------
     ConfigurationError

@@ -54,6 +54,10 @@ def certify_information(
         Number of further sets, the first N/2, N/4 ... of the greedy choices, over which the bound
         is also linear, see `cislunar.architecture.information.relaxation`.
 
+    Returns
+    -------
+    ObjectiveCertificate
+
     Raises
     ------
     ConfigurationError

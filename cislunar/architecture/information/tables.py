@@ -101,6 +101,10 @@ def windows_of(
     step_hours : float
         Step between samples, h; it divides `hours`.
 
+    Returns
+    -------
+    Windows
+
     Raises
     ------
     ConfigurationError
@@ -167,6 +171,10 @@ def moving_targets(state: ArrayLike, period: ArrayLike, windows: Windows) -> Mov
         Nondimensional; 0 for a target on an open trajectory.
     windows : Windows
         Windows and sample times.
+
+    Returns
+    -------
+    MovingTargets
 
     Raises
     ------
@@ -252,6 +260,10 @@ def orbit_information(
     progress : callable, optional
         Called with (orbits done, orbits).
 
+    Returns
+    -------
+    InformationTables
+
     Raises
     ------
     ConfigurationError
@@ -305,6 +317,10 @@ def attitude_information(
         Source of the attitudes.
     attitudes : int
         Number of attitudes per target and window.
+
+    Returns
+    -------
+    InformationTables
 
     Raises
     ------

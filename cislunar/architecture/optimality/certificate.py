@@ -111,6 +111,10 @@ def certify(
     progress : callable, optional
         Called with (done, total) in thousandths of the tree of each level.
 
+    Returns
+    -------
+    _CostCertificate
+
     Raises
     ------
     ConfigurationError

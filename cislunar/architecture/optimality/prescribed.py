@@ -46,6 +46,10 @@ def certify_total(
     rng : numpy.random.Generator, optional
         Source of the starts.
 
+    Returns
+    -------
+    ObjectiveCertificate
+
     Raises
     ------
     ConfigurationError

@@ -24,9 +24,13 @@ def monitored(
     ----------
     factory : EstimatorFactory
     settings : ManeuverDetection
-        Without a rate of false alarms, `factory` is returned.
     process_noise : ProcessNoise, optional
         That of the estimators of `factory`.
+
+    Returns
+    -------
+    EstimatorFactory
+        `factory` itself, if `settings` has no rate of false alarms.
 
     Raises
     ------

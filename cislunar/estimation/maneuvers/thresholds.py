@@ -152,6 +152,11 @@ def threshold_of_schedule(tests: ArrayLike, probability: float, *, samples: int 
     samples : int
         Number of random samples.
 
+    Returns
+    -------
+    float
+        Dimensionless, as the statistic ``|B w|^2`` of `whitened_tests`.
+
     Raises
     ------
     ConfigurationError

@@ -97,6 +97,10 @@ def refined_path(
     days : float
         Length of the path, days.
 
+    Returns
+    -------
+    RefinedPath
+
     Raises
     ------
     ConvergenceError

@@ -76,7 +76,7 @@ def _top(weights: Array, n_observers: int) -> NDArray[np.int64]:
 
 
 def total_information(information: ArrayLike, target: ArrayLike) -> float:
-    """Information of a tasking, nats (Paul & Fan, eq. 60).
+    """Information of a tasking (Paul & Fan, eq. 60).
 
     Parameters
     ----------
@@ -84,6 +84,11 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         Of every pair.
     target : array_like of int, shape (observer,)
         Target of each observer, or `IDLE`.
+
+    Returns
+    -------
+    float
+        Nats.
     """
     matrix, chosen = np.asarray(information, dtype=float), np.asarray(target)
     observers = np.flatnonzero(chosen != IDLE)
@@ -201,6 +206,10 @@ def assign(
         tasking.
     early_stop : int
         Number of taskings without progress after which a search ends.
+
+    Returns
+    -------
+    Assignment
 
     Raises
     ------

@@ -289,7 +289,7 @@ def pair_information(
     selected: NDArray[np.bool_] | None = None,
     out: Array | None = None,
 ) -> Array:
-    """Mutual information of every pair, nats, ndarray of shape (observer, target).
+    """Mutual information of every pair.
 
     A target is observable if the sphere of `model` at its estimated position is brighter than the
     sensor's limit and clear of the bright bodies; the information of any other pair is zero. If
@@ -306,6 +306,11 @@ def pair_information(
         The pairs to compute; all, if omitted.
     out : ndarray, shape (observer, target), optional
         Output array, in which other pairs are left as they are; zeros if omitted.
+
+    Returns
+    -------
+    ndarray, shape (observer, target)
+        Nats; `out`, if it is given.
 
     Raises
     ------

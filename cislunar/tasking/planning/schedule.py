@@ -209,6 +209,10 @@ def plan_schedule(
     half_field : ndarray, shape (observer,), optional
         Half the fields of view, rad, if all targets in a field count, for groups of one observer.
 
+    Returns
+    -------
+    _SlotSchedule
+
     Raises
     ------
     CislunarError
