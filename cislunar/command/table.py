@@ -127,7 +127,7 @@ def show(columns: Sequence[Column], output: str | None) -> None:
 def state_columns(states: Any, units: str) -> list[Column]:
     """Columns of states, shape (n, 6), nondimensional, rotating frame; they name unit, frame and
     origin."""
-    from cislunar.exchange import EARTH_MOON
+    from cislunar.exchange import EARTH_MOON_CENTER
 
     if units == "nd":
         lengths, speeds, forms = ("_nd", 1.0), ("_nd", 1.0), (".9f", ".9f")
@@ -141,5 +141,5 @@ def state_columns(states: Any, units: str) -> list[Column]:
     return [
         *columns,
         Column("frame", ["rotating"] * len(states)),
-        Column("center", [EARTH_MOON] * len(states)),
+        Column("center", [EARTH_MOON_CENTER] * len(states)),
     ]

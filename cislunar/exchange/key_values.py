@@ -32,15 +32,15 @@ Lines = list[tuple[int, str]]
 FRAMES = ("ICRF", "GCRF", "EME2000", "J2000")
 """Names of frames that are treated as the ICRF."""
 
-EARTH_MOON = "EARTH BARYCENTER"
+EARTH_MOON_CENTER = "EARTH BARYCENTER"
 """CENTER_NAME of the barycenter of Earth and Moon."""
 
-CENTERS = {"EARTH": "earth", "MOON": "moon", EARTH_MOON: BARYCENTER}
+CENTERS = {"EARTH": "earth", "MOON": "moon", EARTH_MOON_CENTER: BARYCENTER}
 """Origins of states by CENTER_NAME, and their names in `cislunar.dynamics.frames`."""
 
 ORIGINS = {name: name for name in CENTERS} | {
-    "EARTH-MOON BARYCENTER": EARTH_MOON,
-    "EMB": EARTH_MOON,
+    "EARTH-MOON BARYCENTER": EARTH_MOON_CENTER,
+    "EMB": EARTH_MOON_CENTER,
 }
 """Values of CENTER_NAME that are read, and their names in `CENTERS`."""
 

@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "admissible_region": ["AdmissibleRegion", "implied_size", "is_admissible", "sample_region",
         "states_in_rotating_frame"],
-    "angles": ["Angles", "POSITION_COLUMNS", "angles_from_table", "exposure_numbers",
+    "angles": ["Angles", "OBSERVER_POSITION_COLUMNS", "angles_from_table", "exposure_numbers",
         "frame_rate", "make_angles", "tangent_basis"],
     "attribution": ["concatenate_fits", "tracklet_matches"],
     "common_time": ["OrbitStates", "by_radiation", "orbits_at", "propagated", "same_states",

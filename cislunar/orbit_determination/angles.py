@@ -33,7 +33,7 @@ from cislunar.runtime.arguments import Array, Indices, array_of
 LIGHT_SPEED = 299_792.458 * TIME_UNIT_S / LENGTH_UNIT_KM
 """Nondimensional."""
 
-POSITION_COLUMNS = ("sys", "ctr", "pos1", "pos2", "pos3")
+OBSERVER_POSITION_COLUMNS = ("sys", "ctr", "pos1", "pos2", "pos3")
 _CENTERS = {"399": "earth", "301": "moon", "3": None}
 
 
@@ -238,11 +238,11 @@ def angles_from_table(
         If a column is missing, a value is impossible, or the bodies do not cover the times.
     """
     table = read_detections(source)
-    missing = [name for name in POSITION_COLUMNS if name not in table]
+    missing = [name for name in OBSERVER_POSITION_COLUMNS if name not in table]
     if missing:
         raise ConfigurationError(
             f"detections: columns {', '.join(missing)} are missing; give the observers' positions "
-            f"by {', '.join(POSITION_COLUMNS)}"
+            f"by {', '.join(OBSERVER_POSITION_COLUMNS)}"
         )
     tdb = table["tdb"].to_numpy()
     if isinstance(forces, EphemerisForces):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.estimation.light_curves.model_selection import (
-    Interval,
+    EstimateInterval,
     light_curve_rows,
     measured_brightness,
     spin_period,
@@ -40,11 +40,11 @@ class CharacterizedOrbit(NamedTuple):
         See `cislunar.estimation.light_curves.light_curve.cost`; times in s since the start.
     noise_mag : float
         Median standard deviation of the magnitudes.
-    spin_period_h : Interval
+    spin_period_h : EstimateInterval
         2 pi divided by the angular rate at the start, h, with its 95 % interval.
     determined : bool
         Whether the spin period is determined; otherwise its interval is that of the prior.
-    amplitude_mag, area_albedo_m2 : Interval
+    amplitude_mag, area_albedo_m2 : EstimateInterval
         See `cislunar.estimation.light_curves.model_selection.Characterization`.
     """
 
@@ -52,10 +52,10 @@ class CharacterizedOrbit(NamedTuple):
     row: Indices
     light_curve: Array
     noise_mag: float
-    spin_period_h: Interval
+    spin_period_h: EstimateInterval
     determined: bool
-    amplitude_mag: Interval
-    area_albedo_m2: Interval
+    amplitude_mag: EstimateInterval
+    area_albedo_m2: EstimateInterval
 
 
 def characterize_orbits(

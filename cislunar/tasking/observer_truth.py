@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
+from cislunar.estimation.navigation.errors import ERROR_UNITS, N_PARAMETERS, ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.observation import Scene, angles_of_vectors, wrapped
 from cislunar.runtime import Array, Indices, array_of
@@ -36,7 +36,7 @@ class ObserverTruth(NamedTuple):
 
     def at(self, index: int) -> Array:
         """Errors (observer, 6) at a time of the scene; m, arcsec and s."""
-        return self.error[:, index] / UNITS
+        return self.error[:, index] / ERROR_UNITS
 
     def scene(self, assumed: Scene) -> Scene:
         """The scene with the true positions of the observers."""
@@ -114,7 +114,7 @@ def draw_observer_errors(
     step_s = scene.step_s
     for o in range(n_observers):
         drawn = sigma.constant() * stream(OBSERVER, seed, o).standard_normal(N_PARAMETERS)
-        error[o] = given[o] * UNITS + drawn
+        error[o] = given[o] * ERROR_UNITS + drawn
         steps = stream(OBSERVER, seed, o, 1).standard_normal((n_times - 1, N_PARAMETERS))
         error[o, 1:] += np.cumsum(sigma.walk(step_s) * steps, axis=0)
     return ObserverTruth(error)

@@ -28,10 +28,10 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.maneuvers import (
     ManeuverTest,
     detectable_impulse,
-    detection_probability,
     exceedance_probability,
     false_alarm_threshold,
     impulse_bound,
+    impulse_detection_probability,
     planned_bound,
     planned_information,
     threshold_of_schedule,
@@ -214,7 +214,7 @@ def test_power_is_that_of_simulated_impulses(planned):
     worst = np.linalg.eigh(bound)
     least = detectable_impulse(bound, threshold, 0.7)
     impulse = least[1] * worst[1][:, -1]
-    assert detection_probability(impulse, bound, threshold) == pytest.approx(0.7, abs=1e-9)
+    assert impulse_detection_probability(impulse, bound, threshold) == pytest.approx(0.7, abs=1e-9)
     rng, rows = np.random.default_rng(7), whitened[:, 2].reshape(-1, 3)
     left = np.linalg.svd(rows, full_matrices=False)[0]
     noise = rng.standard_normal((20_000, rows.shape[0])) + rows @ impulse

@@ -14,7 +14,7 @@ from cislunar.estimation.estimator import InitialEstimate
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.navigation import navigated_estimator
-from cislunar.estimation.navigation.errors import UNITS, ObserverErrors, ObserverErrorSigma
+from cislunar.estimation.navigation.errors import ERROR_UNITS, ObserverErrors, ObserverErrorSigma
 from cislunar.estimation.navigation.factory import navigated
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
 from cislunar.observation.records import Measurements, rows_of, schedule
@@ -170,7 +170,7 @@ def test_the_calibration_is_the_least_squares_of_all_targets_and_errors(
     estimator, _ = advanced(case, "calibrated", factory, pieces)
     mean, covariance = least_squares(linear)
     n = 6 * N_TARGETS
-    unit = SIGMA.constant() / UNITS
+    unit = SIGMA.constant() / ERROR_UNITS
     errors = estimator.observers()
     for o in range(N_OBSERVERS):
         own = slice(n + 6 * o, n + 6 * o + 6)
@@ -196,7 +196,7 @@ def test_errors_are_estimated_near_an_observer():
     near = problem._replace(scene=problem.scene._replace(observer_position=beside))
     sigma, start = ObserverErrorSigma(position_m=1000), np.append(START[:6], 2.5e-3 * START[6:])
     case = simulated(near, sigma, start)
-    unit = np.concatenate([np.tile(start[6:], N_TARGETS), np.repeat(1000 * UNITS[0], 6)])
+    unit = np.concatenate([np.tile(start[6:], N_TARGETS), np.repeat(1000 * ERROR_UNITS[0], 6)])
     n = 6 * N_TARGETS
 
     def residuals(theta):
@@ -212,11 +212,14 @@ def test_errors_are_estimated_near_an_observer():
     errors = estimator.observers()
     for o in range(N_OBSERVERS):
         own = slice(n + 3 * o, n + 3 * o + 3)
-        mean, expected = (unit * found.x)[own] / UNITS[0], covariance[own, own] / UNITS[0] ** 2
+        mean, expected = (
+            (unit * found.x)[own] / ERROR_UNITS[0],
+            covariance[own, own] / ERROR_UNITS[0] ** 2,
+        )
         assert close(errors.mean[o, :3], mean, expected, 0.5)
         sigmas = np.sqrt(np.diag(errors.covariance[o])[:3] / np.diag(expected))
         assert np.all((sigmas > 0.9) & (sigmas < 1.3)), sigmas
-        assert close(errors.mean[o, :3], case.error[o, :3] / UNITS[0], expected, 3.5)
+        assert close(errors.mean[o, :3], case.error[o, :3] / ERROR_UNITS[0], expected, 3.5)
 
 
 def test_an_estimate_at_a_step_is_that_of_its_own_target_alone(case, linear, monkeypatch):

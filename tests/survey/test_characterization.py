@@ -8,7 +8,7 @@ import pytest
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.model_selection import (
-    Interval,
+    EstimateInterval,
     light_curve_rows,
     measured_brightness,
     spin_period,
@@ -173,7 +173,7 @@ def test_confirmed_orbits_of_bright_objects_are_characterized_and_compared_with_
     assert quality.period_half_width == pytest.approx(half)
     quality = characterization_quality([found], np.full(N, 0), attitude, *first, true)
     assert quality.period_covered == 0.0
-    wrong = found._replace(determined=False, area_albedo_m2=Interval(0.1, 0.05, 0.15))
+    wrong = found._replace(determined=False, area_albedo_m2=EstimateInterval(0.1, 0.05, 0.15))
     quality = characterization_quality([found, wrong], np.full(N, 1), attitude, *first, true)
     assert quality.period_determined == quality.area_albedo_covered == 0.5
     nothing = characterization_quality([found], np.full(N, -1), attitude, *first, true)

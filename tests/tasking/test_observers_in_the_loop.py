@@ -6,7 +6,7 @@ import pytest
 from cislunar.association.model import AssociationModel
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
-from cislunar.estimation.navigation.errors import UNITS, ObserverErrorSigma
+from cislunar.estimation.navigation.errors import ERROR_UNITS, ObserverErrorSigma
 from cislunar.estimation.navigation.factory import navigated
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking import realization
@@ -58,14 +58,14 @@ def test_measured_directions_are_those_of_the_true_observers():
         near = slice(max(k - 1, 0), k + 2)
         velocity = np.gradient(position[near], step, axis=0)[1 if k > 0 else 0]
         there = state[:3] + late * state[3:]
-        here = position[k] + late * velocity + constant[o, :3] * UNITS[:3]
+        here = position[k] + late * velocity + constant[o, :3] * ERROR_UNITS[:3]
         c, s = np.cos(late), np.sin(late)
         way = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ (there - here)
         x, y, z = scene.observer_axes[k] @ way
-        offset = constant[o, 3:5] * UNITS[3:5]
+        offset = constant[o, 3:5] * ERROR_UNITS[3:5]
         believed[number] = np.array([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))]) + offset
     difference = np.angle(np.exp(1j * (log.value[seen, 1:] - believed)))
-    assert np.abs(difference).max() < 1e-2 * UNITS[3]  # 0.01 arcsec
+    assert np.abs(difference).max() < 1e-2 * ERROR_UNITS[3]  # 0.01 arcsec
 
 
 def test_random_errors_have_their_sizes_and_streams():

@@ -10,7 +10,7 @@ import xarray as xr
 from cislunar.architecture import Choice, Objective, ObjectiveCertificate
 from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.campaign.architectures.objectives import (
-    UNITS,
+    OBJECTIVE_UNITS,
     ArchitectureInputs,
     candidate_slots,
     certificate,
@@ -91,7 +91,7 @@ def design_dataset(
     )
     number, method = design["satellites"], design["method"]
     kind = design["objective"] or method
-    unit = UNITS.get(kind, "1")
+    unit = OBJECTIVE_UNITS.get(kind, "1")
     title = f"Scenario {scenario}, {number} satellites by {kind}"
     attributes = provenance(
         title, settings={**settings, "design": _recorded_settings(design)}, seed=seed
@@ -196,7 +196,7 @@ def objective_front_dataset(
     objective = objective_of(
         front, candidates, inputs, settings, scenario=scenario, seed=seed, progress=progress
     )
-    unit, numbers = UNITS.get(front["objective"], "1"), sorted(front["satellites"])
+    unit, numbers = OBJECTIVE_UNITS.get(front["objective"], "1"), sorted(front["satellites"])
     rng = generator(seed, scenario, "front", name)
     found = _certificates(objective, numbers, candidates.slots, rng, unit)
     shape = len(found), max(each.orbit.size for each in found)

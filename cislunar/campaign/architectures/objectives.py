@@ -22,7 +22,7 @@ from cislunar.orbits.station_keeping import station_keeping_m_s
 from cislunar.runtime import Progress, generator
 from cislunar.survey import DensityPrior, PriorSources, sample_prior, search_tables
 
-UNITS = {"information": "nat", "attitude": "nat"}
+OBJECTIVE_UNITS = {"information": "nat", "attitude": "nat"}
 """Units of the objectives that have one."""
 
 _UNDETECTED = DensityPrior(particles=500)
@@ -133,7 +133,7 @@ def objective_of(
     the scenario; `progress` counts orbits.
     """
     kind = design["objective"]
-    if kind in UNITS:
+    if kind in OBJECTIVE_UNITS:
         moving = MovingTargets(inputs.tracked, inputs.sun, settings, scenario=scenario, seed=seed)
         tables = moving.tables(kind, orbit_set(inputs.orbits), candidates.orbit_slots, progress)
         return InformationObjective(tables)

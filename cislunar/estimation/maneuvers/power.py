@@ -89,7 +89,7 @@ def planned_bound(
     return out
 
 
-def detection_probability(
+def impulse_detection_probability(
     impulse_m_s: ArrayLike, bound: ArrayLike, threshold: float
 ) -> NDArray[np.float64]:
     """Probability that an impulse is detected by the test at its time.

@@ -5,8 +5,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "errors": ["N_PARAMETERS", "OBSERVER_PARAMETERS", "ObserverErrorSigma", "ObserverErrors",
-        "ObserverEstimate", "TREATMENTS", "UNITS"],
+    "errors": ["ERROR_UNITS", "N_PARAMETERS", "OBSERVER_PARAMETERS", "ObserverErrorSigma",
+        "ObserverErrors", "ObserverEstimate", "TREATMENTS"],
     "factory": ["navigated"],
     "navigated_estimator": ["NavigatedEstimator"],
     "rates": ["frame_rotation", "observer_velocities"],

@@ -31,7 +31,9 @@ OBSERVER_PARAMETERS = (
 PARAMETER_UNITS = ("m",) * 3 + ("arcsec",) * 2 + ("s",)
 """Unit of each component in settings, tables and data sets."""
 
-UNITS = np.array([1e-3 / LENGTH_UNIT_KM] * 3 + [np.deg2rad(1.0 / 3600.0)] * 2 + [1.0], dtype=float)
+ERROR_UNITS = np.array(
+    [1e-3 / LENGTH_UNIT_KM] * 3 + [np.deg2rad(1.0 / 3600.0)] * 2 + [1.0], dtype=float
+)
 """The same units in those of states and measurements: nondimensional, rad and s."""
 
 N_PARAMETERS = len(OBSERVER_PARAMETERS)
@@ -66,13 +68,13 @@ class ObserverErrorSigma(Section):
         """Standard deviations of the constant errors, shape (6,), in the units of states and
         measurements: nondimensional, rad and s."""
         values = [self.position_m] * 3 + [self.pointing_arcsec] * 2 + [self.clock_s]
-        return np.array(values, dtype=float) * UNITS
+        return np.array(values, dtype=float) * ERROR_UNITS
 
     def walk(self, elapsed_s: float = SECONDS_PER_DAY) -> Array:
         """Standard deviations that the random walks accumulate in a time, shape (6,), in the same
         units."""
         values = [self.position_walk_m] * 3 + [self.pointing_walk_arcsec] * 2 + [0.0]
-        return np.array(values, dtype=float) * UNITS * np.sqrt(elapsed_s / SECONDS_PER_DAY)
+        return np.array(values, dtype=float) * ERROR_UNITS * np.sqrt(elapsed_s / SECONDS_PER_DAY)
 
     @property
     def present(self) -> bool:

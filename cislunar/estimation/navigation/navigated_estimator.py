@@ -59,8 +59,8 @@ from cislunar.estimation.initial_sigma import ProcessNoise, noise_of_step
 from cislunar.estimation.linearization import SIZE, ObserverModel, carry_corrections
 from cislunar.estimation.navigation.calibration import calibrate
 from cislunar.estimation.navigation.errors import (
+    ERROR_UNITS,
     N_PARAMETERS,
-    UNITS,
     ObserverErrorSigma,
     ObserverEstimate,
 )
@@ -143,7 +143,7 @@ class NavigatedEstimator(WrappedEstimator):
 
     def observers(self) -> ObserverEstimate:
         """Estimated errors of the observers at the time of the last processed step."""
-        m, unit = self._model.per_observer, self._model.unit / UNITS
+        m, unit = self._model.per_observer, self._model.unit / ERROR_UNITS
         some = np.flatnonzero(self._model.column >= 0)
         n_observers = self._scene.observer_position.shape[0]
         mean = np.zeros((n_observers, N_PARAMETERS))

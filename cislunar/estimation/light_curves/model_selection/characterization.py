@@ -46,7 +46,7 @@ _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""
 
 
-class Interval(NamedTuple):
+class EstimateInterval(NamedTuple):
     """An estimate, and the ends of its 95 % interval."""
 
     value: float
@@ -63,27 +63,27 @@ class Characterization(NamedTuple):
 
     Attributes
     ----------
-    spin_period_h : Interval
+    spin_period_h : EstimateInterval
         2 pi divided by the angular rate at the epoch, h.
     spin_axis : ndarray, shape (3,)
         Mean direction of the angular velocity at the epoch, inertial frame.
     spin_axis_radius_deg : float
         Angle from `spin_axis` within which the axis lies with a probability of 95 %, deg.
-    amplitude_mag : Interval
+    amplitude_mag : EstimateInterval
         Difference between the 95th and the 5th percentile of the magnitudes of the rows, mag, which
         are reduced to one range and by the phase function of a diffuse sphere.
-    area_albedo_m2 : Interval
+    area_albedo_m2 : EstimateInterval
         Cross-section times albedo, m^2, of the diffuse sphere that reflects as much light, summed
         over the rows.
     status : int
         `UNIQUE`, `AMBIGUOUS` or `UNKNOWN_BODY`.
     """
 
-    spin_period_h: Interval
+    spin_period_h: EstimateInterval
     spin_axis: Array
     spin_axis_radius_deg: float
-    amplitude_mag: Interval
-    area_albedo_m2: Interval
+    amplitude_mag: EstimateInterval
+    area_albedo_m2: EstimateInterval
     status: int
 
 
@@ -209,23 +209,23 @@ def characterize(
     size = _normal_interval(sizes, 0.4 * np.log(10.0) * error)
     span = _normal_interval(spans, error)
     return Characterization(
-        Interval(*(float(np.exp(each)) for each in (period, low, high))),
+        EstimateInterval(*(float(np.exp(each)) for each in (period, low, high))),
         mean,
         float(min(of_axis * np.rad2deg(np.quantile(angles, 0.95)), 180.0)),
         span._replace(low=max(span.low, 0.0)),
-        Interval(*(float(np.exp(each)) for each in size)),
+        EstimateInterval(*(float(np.exp(each)) for each in size)),
         status,
     )
 
 
-def _normal_interval(samples: Array, error: float) -> Interval:
+def _normal_interval(samples: Array, error: float) -> EstimateInterval:
     """Mean and 95 % interval of samples and an independent error; NaN if fewer than two samples are
     finite. A sample is not if no row is lit."""
     finite = samples[np.isfinite(samples)]
     if finite.size < 2:
-        return Interval(np.nan, np.nan, np.nan)
+        return EstimateInterval(np.nan, np.nan, np.nan)
     mean, wide = float(finite.mean()), 1.96 * float(np.hypot(finite.std(ddof=1), error))
-    return Interval(mean, mean - wide, mean + wide)
+    return EstimateInterval(mean, mean - wide, mean + wide)
 
 
 def _samples(

@@ -36,7 +36,7 @@ from cislunar.estimation.light_curves.light_curve import (
 from cislunar.estimation.light_curves.model_selection.body_models import with_body_model
 from cislunar.estimation.light_curves.model_selection.characterization import (
     LEVELS,
-    Interval,
+    EstimateInterval,
     amplitude_of,
     area_albedo_of,
     require_rows,
@@ -77,7 +77,7 @@ class SpinPeriod(NamedTuple):
     """A spin period, 2 pi divided by the angular rate at time 0, h, with its 95 % interval, and
     whether it is determined; otherwise the interval is that of the prior."""
 
-    interval: Interval
+    interval: EstimateInterval
     determined: bool
 
 
@@ -193,10 +193,10 @@ def spin_period(
         value, low, high = _of_mixture(log_period, sigma, np.exp(weight - weight.max()))
         if 0.5 * (high - low) <= largest_error:
             ends = (float(np.exp(each)) for each in (value, low, high))
-            return SpinPeriod(Interval(*ends), True)
+            return SpinPeriod(EstimateInterval(*ends), True)
     # the length of a normal vector has the chi distribution with three degrees of freedom
     rates = own.sigma[3] * chi(3).ppf([0.5, LEVELS[1], LEVELS[0]])
-    return SpinPeriod(Interval(*(2.0 * np.pi / rates / 3600.0).tolist()), False)
+    return SpinPeriod(EstimateInterval(*(2.0 * np.pi / rates / 3600.0).tolist()), False)
 
 
 def _minimum(u: Array, data: Array, model: LightCurveModel) -> Minimum:
@@ -235,7 +235,7 @@ def _of_mixture(mean: Array, sigma: Array, weight: Array) -> tuple[float, float,
 
 def measured_brightness(
     data: Array, irradiance_4pi: bool, rng: np.random.Generator
-) -> tuple[Interval, Interval]:
+) -> tuple[EstimateInterval, EstimateInterval]:
     """Amplitude and area times albedo of a light curve, from its magnitudes alone.
 
     Parameters
@@ -249,7 +249,7 @@ def measured_brightness(
 
     Returns
     -------
-    amplitude_mag, area_albedo_m2 : Interval
+    amplitude_mag, area_albedo_m2 : EstimateInterval
         See `Characterization`.
     """
     magnitude, sigma = data[:, MAGNITUDE], np.sqrt(1.0 / data[:, WEIGHT])
@@ -262,6 +262,6 @@ def measured_brightness(
     wide = _WIDE * np.hypot(np.std(spans), _AMPLITUDE_ERROR * noise)
     about = _WIDE * np.hypot(np.std(sizes), _SIZE_ERROR * noise)
     return (
-        Interval(float(span), float(max(span - wide, 0.0)), float(span + wide)),
-        Interval(*(float(np.exp(each)) for each in (size, size - about, size + about))),
+        EstimateInterval(float(span), float(max(span - wide, 0.0)), float(span + wide)),
+        EstimateInterval(*(float(np.exp(each)) for each in (size, size - about, size + about))),
     )
