@@ -104,7 +104,10 @@ _COLUMNS = {
 }  # fmt: skip
 """Columns of each table, from left to right."""
 
-_HEADLINE_SURVEYS = ("everything", "three-days", "week", "without-follow-up", "published-sweep")
+_HEADLINE_SURVEYS = (
+    "everything", "three-days", "week", "without-follow-up", "published-observers",
+    "uniform-sweep", "published-sweep",
+)  # fmt: skip
 """Surveys of the headline, from top to bottom, each at its end."""
 
 _HEADLINE = (
@@ -134,8 +137,8 @@ def _observers(tables: Tables) -> dict[str, str]:
                           for name in ("right", "in_custody"))  # fmt: skip
         rows.append([
             observers,
-            *(f"{row.mean:.0f}" + f" ({row.smallest:.0f} to {row.largest:.0f})" * (row.seeds > 1)
-              for row in (*right, *custody)),
+            *(f"{row.mean:.0f} ({row.smallest:.0f} to {row.largest:.0f}; {row.seeds})"
+              if row.seeds > 1 else f"{row.mean:.0f}" for row in (*right, *custody)),
         ])  # fmt: skip
     numbers = [f"{targets:,d}" for targets in sorted(table["targets"].unique())]
     header = ["Observers", *(f"Right orbits of {each} objects" for each in numbers),
