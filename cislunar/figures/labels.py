@@ -55,7 +55,9 @@ ASSOCIATORS = {
     "nearest-neighbor": "global nearest neighbor",
     "joint-probabilities": "joint probabilistic data association",
     "multiple-frames": "assignment over several exposures",
-    "multiple-frames-unconfirmed": "assignment over several exposures, weaker confirmation",
+    "multiple-frames-unconfirmed": (
+        "assignment over several exposures, confirmation by 1 of 5 exposures"
+    ),
     "tasked target": "tasked target alone",
 }
 
