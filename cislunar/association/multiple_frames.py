@@ -243,8 +243,7 @@ def set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
         _conflicts(pairs, items, score.size)
         for pairs, items in ((np.arange(score.size), track), (number, np.concatenate(sets)))
     ]
-    # detections of the same hypotheses give the same constraint
-    constraints = np.unique(np.concatenate(rows), axis=0)
+    constraints = _distinct(np.concatenate(rows))
     if len(constraints) == 1 and constraints.all():
         best = int(np.argmax(score))
         return np.flatnonzero((np.arange(score.size) == best) & (score > 0.0))
@@ -265,3 +264,13 @@ def _conflicts(number: Indices, item: Indices, size: int) -> NDArray[np.bool_]:
     has = np.zeros((names.size, size), dtype=bool)
     has[of, number] = True
     return has[has.sum(axis=1) > 1]
+
+
+def _distinct(constraints: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Different rows in lexicographic order: detections of the same hypotheses give the same row.
+    Rows are compared as strings of bits, which takes a fraction of the time of `np.unique`."""
+    if constraints.shape[0] == 0:
+        return constraints
+    packed = np.packbits(constraints, axis=1)
+    text = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
+    return constraints[np.unique(text, return_index=True)[1]]

@@ -86,11 +86,13 @@ def _may_match(here, observer, direction, basis, noise, covariance, gate, row):
 
 
 @njit(cache=True, error_model="numpy")
-def _predictions(forces, orbits, begin, end, tracklets, gate, out):
-    """States and transition matrices at the tracklets that orbits may match; returns their number,
-    -1 if there are too many."""
+def _predictions(forces, orbits, limits, tracklets, gate, out):
+    """States and transition matrices at the tracklets that orbits may match: those between the
+    first two `limits` (4, orbit) but not between the last two; returns their number, -1 if there
+    are too many."""
     epoch, state, covariance = orbits
     time, observer, direction, basis, noise = tracklets
+    begin, end, inner_begin, inner_end = limits
     which, found, predicted = out
     count, longest = 0, 0
     for k in range(epoch.size):
@@ -103,9 +105,11 @@ def _predictions(forces, orbits, begin, end, tracklets, gate, out):
     for k in range(epoch.size):
         starts[0][:] = state[k]
         starts[1][:6] = state[k]
-        n = end[k] - begin[k]
-        for m in range(n):
-            near[m] = begin[k] + m
+        n = 0
+        for q in range(begin[k], end[k]):
+            if not inner_begin[k] <= q < inner_end[k]:
+                near[n] = q
+                n += 1
         # the transition matrix is needed near the predicted directions alone
         for stage in range(2):
             path, first, kept = paths[stage], 0, 0
@@ -182,10 +186,12 @@ def tracklet_matches(
     gate_probability: float,
     *,
     forces: tuple,
+    without: tuple[Array, Array] | None = None,
 ) -> tuple[Indices, Indices, Array]:
     """Tracklets within the gates of converged fits, whose times lie between `first` and `last`
-    (fit,): indices of fits and of tracklets (match,), and the logarithm of the density of direction
-    and rate, in rad^-4 times the squared nondimensional unit of time.
+    (fit,), and not between those of `without`: indices of fits and of tracklets (match,), and the
+    logarithm of the density of direction and rate, in rad^-4 times the squared nondimensional unit
+    of time.
 
     Raises
     ------
@@ -197,12 +203,14 @@ def tracklet_matches(
         tracklets.covariance,
     )  # fmt: skip
     orbits, gate = fits[:3], gate_threshold(gate_probability, 4)
-    begin = np.searchsorted(tracklets.time, first, side="left")
-    end = np.searchsorted(tracklets.time, last, side="right")
+    spans = (first, last) if without is None else (first, last, *without)
+    limits = np.zeros((4, fits.epoch.size), dtype=np.int64)
+    for k, each in enumerate(spans):
+        limits[k] = np.searchsorted(tracklets.time, each, side="right" if k % 2 else "left")
     count, capacity = -1, 64 + 16 * fits.epoch.size
     while count < 0:
         out = *np.empty((2, capacity), dtype=np.int64), np.empty((capacity, 42))
-        count = _predictions(forces, orbits, begin, end, data, gate, out)
+        count = _predictions(forces, orbits, limits, data, gate, out)
         capacity *= 4
     which, found, predicted = (each[:count] for each in out)
     innovation, design = _innovations(predicted, tracklets, found, frame_rate(forces))
@@ -236,6 +244,8 @@ def extend_orbits(
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
+    # no tracklet within these hours is left that the orbit, as it is, might take
+    searched, hour = np.full(n, -np.inf), 3600.0 / TIME_UNIT_S
     at_once, own = [_AT_ONCE] * n, np.flatnonzero(usable)
     candidates = tracklets.take(own)
     parts = [fits.take([k]) for k in range(n)]
@@ -243,10 +253,11 @@ def extend_orbits(
     while active:
         now = concatenate_fits([parts[k] for k in active], fits)
         ends = np.array([[members[k][0], members[k][-1]] for k in active])
-        span = np.array([spans_h[stage[k]] for k in active]) * 3600.0 / TIME_UNIT_S
+        first, last = tracklets.time[ends].T
+        span, inner = np.array(spans_h)[stage[active]] * hour, searched[active] * hour
         which, found, density = tracklet_matches(
-            now, candidates, tracklets.time[ends[:, 0]] - span, tracklets.time[ends[:, 1]] + span,
-            gate_probability, forces=forces,
+            now, candidates, first - span, last + span, gate_probability, forces=forces,
+            without=(first - inner, last + inner),
         )  # fmt: skip
         order = np.lexsort((found, -density, which))
         which, found = which[order], own[found[order]]
@@ -270,6 +281,7 @@ def extend_orbits(
                 trials.append((k, added))
                 rows.append(np.unique(np.concatenate(rows_of)))
             elif stage[k] + 1 < len(spans_h):
+                searched[k] = spans_h[stage[k]]
                 stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
                 later.append(k)
         if trials:
@@ -279,7 +291,7 @@ def extend_orbits(
             good = agrees(joint, significance)
             for number, (k, added) in enumerate(trials):
                 if good[number]:
-                    parts[k] = joint.take([number])
+                    parts[k], searched[k] = joint.take([number]), -np.inf
                     members[k] = sorted(members[k] + added)  # tracklets are in order of time
                     at_once[k] = min(max(at_once[k], 2 * len(added)), _MOST_AT_ONCE)
                 elif len(added) > _AT_ONCE:

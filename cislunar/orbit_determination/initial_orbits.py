@@ -90,6 +90,7 @@ def initial_orbits(
     region: AdmissibleRegion | None = None,
     settings: InitialOrbitSettings | None = None,
     epoch: float | None = None,
+    known: InitialOrbits | None = None,
 ) -> InitialOrbits:
     """Determine all orbits of one object that its angles permit, without a first guess.
 
@@ -103,6 +104,8 @@ def initial_orbits(
     settings : InitialOrbitSettings, optional
     epoch : float, optional
         Time of the solutions, nondimensional; by default the mean time of the angles.
+    known : InitialOrbits, optional
+        Solutions for nearly the same angles: the search begins from these alone, if there are any.
 
     Returns
     -------
@@ -126,7 +129,10 @@ def initial_orbits(
     nothing = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
     if n < 3:
         return _found(DIRECTION_ONLY, nothing, angles, region, settings)
-    times, states = _starts(angles, forces, region, settings)
+    if known is not None and known.fits.epoch.size:
+        times, states = known.fits.epoch, known.fits.state
+    else:
+        times, states = _starts(angles, forces, region, settings)
     fits = fit_orbits(angles, [all_rows] * len(states), states, times, forces=forces)
     singular = np.any(fits.status == SINGULAR)
     fits = refit_at(_distinct(fits), angles, epoch, forces=forces)

@@ -81,8 +81,8 @@ class LinkedOrbits(NamedTuple):
     rivals : tuple of OrbitFits
         Other orbits through some or all of the detections, of nearly the same evidence.
     solutions : dict of bytes to InitialOrbits
-        Initial orbits for all detections of an orbit, by their angles, where they were sought; the
-        next run takes those of orbits without a new detection.
+        Initial orbits for all detections of an orbit, by their rows, where they were sought; the
+        next run begins its search from those of orbits without a new detection.
     """
 
     fits: OrbitFits
@@ -352,9 +352,9 @@ def _described(
         few = len(found.members[k]) < settings.several_starts_below
         if few or np.unique(observers).size == 1:
             own = angles.rows(found.fits[k].row)
-            key = b"".join(each.tobytes() for each in own[:-1])
-            again = solutions[key] = before.get(key) or initial_orbits(
-                own, forces=forces, region=region, settings=settings.starts
+            key = found.fits[k].row.tobytes()
+            again = solutions[key] = initial_orbits(
+                own, forces=forces, region=region, settings=settings.starts, known=before.get(key)
             )
             best = again.log_evidence.max(initial=-np.inf) - settings.verdict.rival_log_ratio
             for m in np.flatnonzero(again.log_evidence >= best).tolist():

@@ -37,6 +37,26 @@ def test_periodic_orbits_are_found_by_one_and_by_two_moving_observers(state, hou
     assert found.verdict != ORBIT or squared[0] < 25.0
 
 
+def test_a_search_continues_from_the_solutions_for_nearly_the_same_angles():
+    angles = observed(HALO, [0.0, 3.0], [0, 1], np.random.default_rng(5))
+    found = initial_orbits(angles, epoch=0.0)
+    again = initial_orbits(angles, epoch=0.0, known=found)
+    np.testing.assert_array_equal(again.fits.state, found.fits.state)
+    np.testing.assert_array_equal(again.log_evidence, found.log_evidence)
+    # by another realization of the noise
+    other = observed(HALO, [0.0, 3.0], [0, 1], np.random.default_rng(6))
+    anew, continued = (initial_orbits(other, epoch=0.0, known=each) for each in (None, found))
+    assert continued.verdict == anew.verdict
+    np.testing.assert_allclose(continued.log_evidence, anew.log_evidence, atol=1e-3)
+    sigma = np.sqrt(np.diagonal(anew.fits.covariance, axis1=1, axis2=2))
+    assert np.all(np.abs(continued.fits.state - anew.fits.state) < 1e-2 * sigma)
+    # nothing to continue from
+    empty = found._replace(fits=found.fits.take([]))
+    np.testing.assert_array_equal(
+        initial_orbits(other, epoch=0.0, known=empty).fits.state, anew.fits.state
+    )
+
+
 def test_the_verdict_says_what_is_determined():
     rng = np.random.default_rng(6)
     one = observed(HALO, [0.0], [0], rng)

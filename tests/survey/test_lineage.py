@@ -146,7 +146,7 @@ def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
     def fit(rows, state, epoch):
         return fit_orbits(angles, rows, state, epoch, forces=EARTH_MOON)
 
-    parts = divided(both, angles, (0, 3), 1e-4, fit)
+    parts = divided(both, angles, (0, 3), 1e-4, fit, EARTH_MOON)
     assert parts.chi_squared.sum() <= mixed.chi_squared.sum()
     # no detection from after the maneuver is before it; the few from before may be on either side
     assert angles.time[parts.row[: parts.begin[1]]].max() <= BEFORE[-1] * STEP

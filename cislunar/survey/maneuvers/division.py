@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import Angles, OrbitFits, agrees, concatenate_fits
+from cislunar.orbit_determination import (
+    Angles,
+    OrbitFits,
+    agrees,
+    concatenate_fits,
+    fit_orbits,
+)
 from cislunar.runtime import Array
 from cislunar.survey.maneuvers.lineage import OrbitPaths
 
@@ -76,6 +82,7 @@ def divided(
     pair: tuple[int, int],
     significance: float,
     fit: Callable[[list[NDArray[np.int64]], Array, Array], OrbitFits],
+    forces: tuple,
 ) -> OrbitFits | None:
     """The best division of the detections of two orbits.
 
@@ -88,7 +95,10 @@ def divided(
     significance : float
         Of the agreement of a fit with its angles.
     fit : callable
-        Fits orbits, as `cislunar.orbit_determination.fit_orbits`, from rows, states and epochs.
+        Fits the chosen parts, as `cislunar.orbit_determination.fit_orbits`, from rows, states and
+        epochs.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
 
     Returns
     -------
@@ -117,16 +127,19 @@ def divided(
             break
         parts = [rows[:k] for k in stage.tolist()] + [rows[k:] for k in stage.tolist()]
         n = stage.size
-        trial = fit(
-            parts, np.repeat([a.state[0], b.state[0]], n, axis=0),
-            np.repeat([a.epoch[0], b.epoch[0]], n),
+        trial = fit_orbits(
+            angles, parts, np.repeat([a.state[0], b.state[0]], n, axis=0),
+            np.repeat([a.epoch[0], b.epoch[0]], n), forces=forces,
         )  # fmt: skip
         good = agrees(trial, significance).reshape(2, n).all(axis=0)
         total = np.where(good, trial.chi_squared.reshape(2, n).sum(axis=0), np.inf)
         k = int(np.argmin(total))
         if total[k] <= least:
             best, least = (int(stage[k]), trial.take([k, n + k])), float(total[k])
-    return None if best is None else best[1]
+    if best is None:
+        return None
+    chosen = best[1]
+    return fit([chosen.detections(0), chosen.detections(1)], chosen.state, chosen.epoch)
 
 
 def replaced(fits: OrbitFits, which: ArrayLike, parts: OrbitFits) -> OrbitFits:

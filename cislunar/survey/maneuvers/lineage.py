@@ -104,6 +104,10 @@ class Lineage(NamedTuple):
     state: Array
     covariance: Array
 
+    def take(self, which: Indices) -> "Lineage":
+        """Some of the pairs."""
+        return Lineage(*(each[which] for each in self))
+
 
 class _Solution(NamedTuple):
     """Equation (1) for a pair, without r / n, and the moments of its mixture: of time, change of
@@ -153,6 +157,7 @@ def find_lineage(
     expected_objects: float,
     settings: LineageSettings,
     paths: OrbitPaths,
+    solved: dict | None = None,
 ) -> Lineage:
     """Find orbits of one object before and after a maneuver.
 
@@ -173,6 +178,9 @@ def find_lineage(
     settings : LineageSettings
     paths : OrbitPaths
         Of all orbits, over all gaps.
+    solved : dict, optional
+        Solutions of pairs of these orbits from an earlier call, to which those of other pairs are
+        added.
 
     Returns
     -------
@@ -183,15 +191,17 @@ def find_lineage(
     rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
     constant = np.log(rate) - region.log_density - np.log(expected_objects)
     later = np.flatnonzero(after)
+    solved = {} if solved is None else solved
     found: dict[tuple[int, int], _Solution] = {}
     for a in np.flatnonzero(before).tolist():
         gap = first[later] - last[a]
         for b in later[(gap > 0.0) & (gap <= longest)].tolist():
-            near = _encounters(paths, a, b, last[a], first[b])
-            if near.size:
-                solution = _solved(fits, a, b, near, paths, (last[a], first[b]), forces, settings)
-                if solution is not None:
-                    found[a, b] = solution
+            if (a, b) not in solved:
+                near = _encounters(paths, a, b, last[a], first[b])
+                given = fits, a, b, near, paths, (last[a], first[b]), forces, settings
+                solved[a, b] = _solved(*given) if near.size else None
+            if solved[a, b] is not None:
+                found[a, b] = solved[a, b]
     ratio = {pair: constant + each.log_integral for pair, each in found.items()}
     chosen = _assigned(ratio)
     parts = []
@@ -304,7 +314,11 @@ def _components(
     epoch of the later orbit, and that of its covariance."""
     s = covariance[0] + covariance[1]
     s[:, range(3, 6), range(3, 6)] += scale**2
-    solved = np.linalg.solve(s, np.stack([z, rate], axis=2))
+    # one factorization for z, its rate, the inverse and the mapped covariance
+    every = np.broadcast_to(np.eye(6), s.shape)
+    solved = np.linalg.solve(
+        s, np.concatenate([z[..., None], rate[..., None], every, mapped], axis=2)
+    )
     c, b, a = (
         np.einsum("ni,ni->n", one, solved[:, :, k]) for one, k in ((z, 0), (z, 1), (rate, 1))
     )
@@ -320,7 +334,7 @@ def _components(
     )  # fmt: skip
     shift, variance = _truncated(low, high, flip, closest, root, width)
     there = solved[:, :, 0] + shift[:, None] * solved[:, :, 1]
-    gain = scale**2 * np.linalg.inv(s)
+    gain = scale**2 * solved[:, :, 2:8]
     along = scale**2 * solved[:, 3:, 1]
     change_spread = scale**2 * (np.eye(3) - gain[:, 3:, 3:])
     change_spread += variance[:, None, None] * along[:, :, None] * along[:, None]
@@ -329,7 +343,7 @@ def _components(
     correction = -np.einsum("nij,nj->ni", cross, there)
     drift = np.einsum("nij,nj->ni", cross, solved[:, :, 1])
     reduced = variance[:, None, None] * drift[:, :, None] * drift[:, None]
-    reduced -= cross @ np.linalg.solve(s, mapped)
+    reduced -= cross @ solved[:, :, 8:]
     return log_weight, shift, variance, scale**2 * there[:, 3:], change_spread, correction, reduced
 
 

@@ -150,7 +150,9 @@ def log_missed(
         view = _view(fields, now, scene.observer_position[:, k], position, spread)
         if not view.inside.any():
             continue
-        margin = views(scene, limits, k, position, eclipse=True).margin
+        exposed = view.inside.any(axis=0)
+        margin = np.full((limits.half_field.size, unseen.size), np.nan)
+        margin[:, exposed] = views(scene, limits, k, position[exposed], eclipse=True).margin
         seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
         for e in np.flatnonzero(view.inside.any(axis=1)).tolist():
             way, distance, gate, inside = (each[e] for each in view)

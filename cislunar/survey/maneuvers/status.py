@@ -17,6 +17,7 @@ from cislunar.orbit_determination import (
     OrbitFits,
     fit_orbits,
 )
+from cislunar.runtime import Indices
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
 from cislunar.survey.maneuvers.duplicates import duplicate_orbits
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
@@ -117,18 +118,23 @@ def maneuvered_orbits(
     everything = np.ones(own.size, dtype=bool)
     given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
              "settings": settings}  # fmt: skip
-    found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
+    solved: dict = {}
+    found = find_lineage(fits, angles, everything, everything, paths=paths, solved=solved, **given)
     fits, changed = _divided(fits, angles, found, paths, significance, refit, given)
     if changed.size:
-        divided_anew = replaced(alone, changed, fits.take(changed))
-        fits, within = maneuvers_within(divided_anew, angles, **inside)
+        parts, again = maneuvers_within(fits.take(changed), angles, **inside)
+        fits, within = replaced(fits, changed, parts), _within_again(within, changed, again)
         last = angles.time[fits.row[fits.begin[1:] - 1]]
-        paths = orbit_paths(fits, first, now, forces=forces)
-        found = find_lineage(fits, angles, everything, everything, paths=paths, **given)
+        moved = orbit_paths(fits.take(changed), first, now, forces=forces)
+        paths.state[changed], paths.covariance[changed] = moved.state, moved.covariance
+        solved = {pair: each for pair, each in solved.items() if not np.isin(pair, changed).any()}
+        found = find_lineage(
+            fits, angles, everything, everything, paths=paths, solved=solved, **given
+        )
     # in order of time, so that a chain of orbits is confirmed from its begin on
     order = np.argsort(last[found.before], kind="stable")
     kept = [pair for pair in order.tolist() if _confirm(sure, found, pair)]
-    found = Lineage(*(each[np.array(sorted(kept), dtype=np.int64)] for each in found))
+    found = found.take(np.array(sorted(kept), dtype=np.int64))
     before, after = own[found.before], own[found.after]
     found = found._replace(before=before, after=after)
     within = within._replace(before=own[within.before], after=own[within.after])
@@ -152,8 +158,17 @@ def maneuvered_orbits(
     return ManeuveredOrbits(
         linked._replace(fits=all_fits, confirmed=confirmed),
         tuple(status.tolist()),
-        Lineage(*(np.concatenate(each) for each in zip(found, within, strict=True))),
+        Lineage(*map(np.concatenate, zip(found, within, strict=True))),
     )
+
+
+def _within_again(within: Lineage, changed: Indices, again: Lineage) -> Lineage:
+    """Maneuvers within orbits, with those of the changed ones, `again`, in place of the others'."""
+    of = changed[again.before]
+    kept = within.take(np.flatnonzero(~np.isin(within.before, changed)))
+    both = zip(kept, again._replace(before=of, after=of), strict=True)
+    joined = Lineage(*map(np.concatenate, both))
+    return joined.take(np.argsort(joined.before, kind="stable"))
 
 
 def _divided(
@@ -164,7 +179,7 @@ def _divided(
     significance: float,
     refit: Callable[..., OrbitFits],
     given: dict[str, Any],
-) -> tuple[OrbitFits, NDArray[np.int64]]:
+) -> tuple[OrbitFits, Indices]:
     """Orbits with the detections of some pairs divided anew, and which of them have changed. Each
     orbit changes once at most, and those of a pair that is found already do not."""
     used = {*found.before.tolist(), *found.after.tolist()}
@@ -173,7 +188,7 @@ def _divided(
     for pair in overlapping_pairs(fits, angles, paths, max(given["settings"].scales_m_s)):
         if used & set(pair):
             continue
-        parts = divided(fits, angles, pair, significance, refit)
+        parts = divided(fits, angles, pair, significance, refit, given["forces"])
         if parts is None:
             continue
         ends = angles.time[parts.row[parts.begin[1] - 1]], angles.time[parts.row[parts.begin[1]]]

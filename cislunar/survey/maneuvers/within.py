@@ -43,6 +43,10 @@ _COARSE_S, _FINE_S, _WORTH = 900.0, 60.0, 20.0
 """Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of
 the integrand is at most `_WORTH` below the largest."""
 
+_AT_ONCE = 30000
+"""Components of residuals, times moments of impulses, whose derivatives are held at once: as many
+as the cache of a processor holds."""
+
 _MOST = 4
 """Maneuvers that are sought within an orbit."""
 
@@ -137,29 +141,49 @@ class _Search:
         self.scales = np.array(settings.scales_m_s)[:, None] / VELOCITY_UNIT_M_S
         self.rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
 
-    def _impulses(self, time: Array, more: int) -> Array:
-        """Derivatives (time, 2 row + more, 3) of residuals by impulses, with rows of zero."""
-        inverse = np.linalg.inv(propagated(self.start, self.epoch, time, self.forces)[1][0])
-        # an impulse moves what is before it, as the state is that of the last detection
-        before = self.time < time[:, None]
-        shift = -np.einsum("nai,tij->tnaj", self.by_state, inverse[:, :, 3:])
-        shift = (shift * before[..., None, None]).reshape(time.size, -1, 3)
-        return np.concatenate([shift, np.zeros((time.size, more, 3))], axis=1)
+    def _by_velocity(self, time: Array) -> Array:
+        """Derivatives (time, 6, 3) of the state at the epoch by impulses that precede it."""
+        return np.linalg.inv(propagated(self.start, self.epoch, time, self.forces)[1][0])[:, :, 3:]
+
+    def _impulses(self, time: Array, by_velocity: Array) -> Array:
+        """Derivatives (component, 3, time) of residuals by impulses at increasing times; of the
+        components before the last time alone, since those of the others are zero: an impulse moves
+        what is before it, as the state is that of the last detection."""
+        before = np.repeat(self.time < time[-1:], 2)
+        of_time = np.repeat(self.time, 2)[before, None] < time
+        shift = -self.by_state.reshape(-1, 6)[before] @ by_velocity.transpose(1, 2, 0).reshape(
+            6, -1
+        )
+        return shift.reshape(-1, 3, time.size) * of_time[:, None]
 
     def _integrand(
-        self, q: Array, left: Array, impulse: Array, width: Array
-    ) -> tuple[Array, Array, Array]:
-        """Logarithms (scale, time) of the parts of equation (1), and changes of velocity with their
-        covariances; `q` is an orthonormal basis of the derivatives by all else, and `left` are the
-        residuals without them."""
-        free = impulse - q @ (q.T @ impulse)
-        g, d = free.swapaxes(1, 2) @ free, free.swapaxes(1, 2) @ left
+        self, q: Array, left: Array, time: Array, by_velocity: Array, width: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """Logarithms (scale, time) of the parts of equation (1), changes of velocity with their
+        covariances, and products (time, basis, 3) of `q` with impulses; `q` is an orthonormal basis
+        of the derivatives by all else, and `left` are the residuals without them."""
+        g, d = np.empty((time.size, 3, 3)), np.empty((time.size, 3))
+        along = np.empty((time.size, q.shape[1], 3))
+        at_once = max(1, _AT_ONCE // left.size)
+        for begin in range(0, time.size, at_once):
+            own = slice(begin, begin + at_once)
+            impulse = self._impulses(time[own], by_velocity[own])
+            count, _, size = impulse.shape
+            early, late = q[:count], q[count:]
+            share = early.T @ impulse.reshape(count, -1)
+            free = (impulse.reshape(count, -1) - early @ share).reshape(impulse.shape)
+            here = along[own] = share.reshape(-1, 3, size).transpose(2, 0, 1)
+            d[own] = left[:count] @ free.transpose(2, 0, 1) - left[count:] @ late @ here
+            g[own] = here.swapaxes(1, 2) @ (late.T @ late) @ here
+            for i in range(3):
+                for j in range(3):
+                    g[own, i, j] += np.einsum("nt,nt->t", free[:, i], free[:, j])
         squared = self.scales[..., None, None] ** 2
         spread = np.linalg.inv(g + np.eye(3) / squared)
         change = np.einsum("stij,tj->sti", spread, d)
         whole = np.linalg.slogdet(np.eye(3) + squared * g)[1]
         log_part = 0.5 * (np.einsum("sti,ti->st", change, d) - whole)
-        return log_part + np.log(self.rate * width / self.scales.size), change, spread
+        return log_part + np.log(self.rate * width / self.scales.size), change, spread, along
 
     def _covariance(self, q: Array, inverse: Array) -> Array:
         """Covariance of the state by the noise, and by what remains of the observers' errors."""
@@ -186,24 +210,23 @@ class _Search:
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
         while count and self.rate > 0.0 and len(rows) < _MOST:
-            more = residual.size - self.residual.size
             q, inverse = _inverse(design)
             left = residual - q @ (q.T @ residual)
-            width = np.full(count, span / count)
-            log_part, *_ = self._integrand(q, left, self._impulses(coarse, more), width)
+            width = span / count
+            log_part, *_ = self._integrand(q, left, coarse, self._by_velocity(coarse), width)
             if logsumexp(log_part) < 0.0:
                 break
             near = coarse[log_part.max(axis=0) >= log_part.max() - _WORTH]
-            width = np.full(near.size * parts, width[0] / parts)
-            offset = width[0] * (np.arange(parts) - 0.5 * (parts - 1))
+            width /= parts
+            offset = width * (np.arange(parts) - 0.5 * (parts - 1))
             time = (near[:, None] + offset).ravel()
-            impulse = self._impulses(time, more)
-            log_part, change, spread = self._integrand(q, left, impulse, width)
+            by_velocity = self._by_velocity(time)
+            log_part, change, spread, along = self._integrand(q, left, time, by_velocity, width)
             log_ratio = float(logsumexp(log_part))
             if log_ratio < 0.0:
                 break
             probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
-            gain = -(inverse @ (q.T @ impulse))[:, :6]
+            gain = -(inverse @ along)[:, :6]
             shift, extra = moments(
                 share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
@@ -215,7 +238,7 @@ class _Search:
                 break
             at = share.sum(axis=0)
             when = float(at @ time)
-            variance = float(at @ (time - when) ** 2) + width[0] ** 2 / 12.0
+            variance = float(at @ (time - when) ** 2) + width**2 / 12.0
             velocity, between = moments(
                 share.ravel(), change.reshape(-1, 3), spread.reshape(-1, 3, 3)
             )
@@ -227,7 +250,10 @@ class _Search:
             # further ones are sought beside the most probable one, with its prior
             scale, best = np.unravel_index(np.argmax(share), share.shape)
             n = design.shape[1]
+            impulse = np.zeros((residual.size, 3))
+            moved = self._impulses(time[[best]], by_velocity[[best]])[..., 0]
+            impulse[: len(moved)] = moved
             prior = np.eye(3, n + 3, n) / self.scales[scale]
-            design = np.concatenate([np.concatenate([design, impulse[best]], axis=1), prior])
+            design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])
             residual = np.concatenate([residual, np.zeros(3)])
         return rows
