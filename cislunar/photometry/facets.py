@@ -20,7 +20,7 @@ from cislunar.attitude.quaternion import rotate_components
 from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
 from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of, require_kind, require_unit
@@ -282,8 +282,8 @@ def apparent_magnitude(
         Surface; the default material if omitted.
     model : PhotometryModel, optional
         Law of irradiance and form of the Fresnel term; by default light spreads as 1/r^2, and the
-        Fresnel term has the root. The reflection law is that of Cook & Torrance whatever
-        `model.reflection` is; `cislunar.observation.target_surfaces` applies other laws.
+        Fresnel term has the root. `cislunar.observation.target_surfaces` applies other laws of
+        reflection than that of Cook & Torrance.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 
@@ -296,7 +296,7 @@ def apparent_magnitude(
     ------
     ConfigurationError
         If shapes disagree, a quaternion or a direction is not of unit norm, a range is not
-        positive, or an argument is of another kind.
+        positive, `model` has another reflection law, or an argument is of another kind.
     """
     material = Material() if material is None else material
     model = PhotometryModel() if model is None else model
@@ -304,6 +304,11 @@ def apparent_magnitude(
     require_kind("facets", facets, Facets, "give Facets, such as icosahedron()")
     require_kind("material", material, Material, "give a Material of cislunar.photometry")
     require_kind("model", model, PhotometryModel, "give a PhotometryModel of cislunar.photometry")
+    if model.law != 0:
+        raise ConfigurationError(
+            f"model.reflection = {model.reflection!r}: facets of one material reflect by "
+            f"{REFLECTION_LAWS[0]!r} here; use cislunar.observation.target_surfaces for other laws"
+        )
     shape, rows = broadcast_geometries(quaternion, sun_direction, view_direction, range_m)
     flux = _irradiances(
         *rows,

@@ -283,6 +283,7 @@ def test_impossible_material_is_refused(name, value):
         ({"sun_direction": [[1, 0, 0], [3, 0, 0]]}, "sun_direction has norm 3"),
         ({"range_m": 0.0}, "range_m = 0 must be positive"),
         ({"sun_magnitude": "-27"}, "sun_magnitude = '-27' must be a finite number"),
+        ({"model": PhotometryModel(reflection="lambert-phong")}, "model.reflection = 'lambert-ph"),
     ],
 )
 def test_an_impossible_geometry_is_refused(change, message):
