@@ -17,6 +17,7 @@ from cislunar.survey.maneuvers import (
     divided,
     find_lineage,
     maneuvered_orbits,
+    maneuvers_within,
     orbit_paths,
     overlapping_pairs,
     replaced,
@@ -129,22 +130,27 @@ def test_the_orbit_after_a_maneuver_replaces_the_one_before():
     assert not orbits.confirmed[3] and status[0] == CURRENT
 
 
-def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
-    """The orbit after a small maneuver has taken the last detections from before it."""
+def mixed_arcs(taken=slice(-3, None)):
+    """Angles and orbits of `arcs` with a small maneuver, the orbit after which has `taken` some
+    detections from before it; fits to these, and the true rows before and after it."""
     angles, fits, _ = arcs((0.2, -0.4, 0.1))
     before, after = fits.row[fits.begin[0] : fits.begin[1]], fits.row[fits.begin[3] :]
     after = after[: fits.begin[4] - fits.begin[3]]
-    moved_rows = before[-3:]
-    mixed = fit_orbits(
-        angles, [before[:-3], np.union1d(moved_rows, after)], fits.state[[0, 3]],
-        fits.epoch[[0, 3]], forces=EARTH_MOON,
-    )  # fmt: skip
-    both = replaced(fits, (0, 3), mixed)
+    moved_rows = before[taken]
+    rows = [np.setdiff1d(before, moved_rows), np.union1d(moved_rows, after)]
+    mixed = fit_orbits(angles, rows, fits.state[[0, 3]], fits.epoch[[0, 3]], forces=EARTH_MOON)
+    return angles, replaced(fits, (0, 3), mixed), mixed, before, after
+
+
+def plain_fit(angles):
+    return lambda rows, state, epoch: fit_orbits(angles, rows, state, epoch, forces=EARTH_MOON)
+
+
+def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
+    angles, both, mixed, before, after = mixed_arcs()
+    fit = plain_fit(angles)
     paths = orbit_paths(both, 0.0, AFTER[-1] * STEP, forces=EARTH_MOON)
     assert (0, 3) in overlapping_pairs(both, angles, paths, 300.0)
-
-    def fit(rows, state, epoch):
-        return fit_orbits(angles, rows, state, epoch, forces=EARTH_MOON)
 
     parts = divided(both, angles, (0, 3), 1e-4, fit, EARTH_MOON)
     assert parts.chi_squared.sum() <= mixed.chi_squared.sum()
@@ -153,10 +159,30 @@ def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
     # by brute force over all divisions of the rows next to the ends
     rows, totals = np.union1d(before, after), {}
     for k in range(before.size - 6, before.size + 7):
-        one = fit([rows[:k], rows[k:]], fits.state[[0, 3]], fits.epoch[[0, 3]])
+        one = fit([rows[:k], rows[k:]], both.state[[0, 3]], both.epoch[[0, 3]])
         if angles.time[rows[k]] > angles.time[rows[k - 1]]:
             totals[k] = one.chi_squared.sum()
     assert parts.chi_squared.sum() <= min(totals.values()) * (1.0 + 1e-6)
+
+
+def test_orbits_with_divided_detections_are_searched_again_and_the_others_are_not():
+    """Against a search of all orbits with the divided detections."""
+    angles, both, *_ = mixed_arcs(slice(-3, -1))  # so that their times overlap
+    given = {"forces": EARTH_MOON, "settings": SETTINGS}
+    sure = linked(both, [True, True, True, False, True])
+    orbits, status, found = maneuvered_orbits(
+        sure, angles, region=REGION, linking=LinkingSettings(), **given
+    )
+    parts = divided(both, angles, (0, 3), 1e-4, plain_fit(angles), EARTH_MOON)
+    fits, within = maneuvers_within(replaced(both, (0, 3), parts), angles, **given)
+    np.testing.assert_array_equal(orbits.fits.row, fits.row)
+    expected = lineage(angles, fits)
+    np.testing.assert_array_equal(found.before, [*expected.before, *within.before])
+    assert (0, 3) in zip(found.before.tolist(), found.after.tolist(), strict=True)
+    ratio = [*expected.log_ratio, *within.log_ratio]
+    np.testing.assert_allclose(found.log_ratio, ratio, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(orbits.fits.state[[1, 2, 4]], fits.state[[1, 2, 4]])
+    assert status[0] == SUPERSEDED and orbits.confirmed[3]
 
 
 def test_nothing_changes_for_objects_that_do_not_maneuver():
