@@ -31,12 +31,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.special import log_ndtr, logsumexp, ndtr
+from scipy.special import logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
 from cislunar.runtime import Array, Indices
+from cislunar.survey.maneuvers.line_integrals import line_moments, log_line_integrals, moments
 from cislunar.survey.settings import LineageSettings
 
 _COARSE_S, _FINE_S = 600.0, 60.0
@@ -45,10 +46,6 @@ _COARSE_S, _FINE_S = 600.0, 60.0
 _GATE, _CURVED = 8.0, 0.02
 """Gate of an encounter in standard deviations, and the share of the relative displacement within an
 interval by which a straight line may be wrong."""
-
-_WIDE, _MASS = 1e-3, 1e-9
-"""Width of an interval in standard deviations, and probability of it, below which its moments are
-taken to be uniform, or at its end."""
 
 _AT_ONCE = 64
 """Orbits whose transition matrices are held at once."""
@@ -110,10 +107,9 @@ class Lineage(NamedTuple):
 
 
 class _Solution(NamedTuple):
-    """Equation (1) for a pair, without r / n, and the moments of its mixture: of time, change of
-    velocity, and the state at the epoch of the later orbit; nondimensional."""
+    """Means and covariances of the mixture of equation (1) for a pair: of time, change of velocity,
+    and the state at the epoch of the later orbit; nondimensional."""
 
-    log_integral: float
     time: tuple[float, float]
     velocity: tuple[Array, Array]
     state: tuple[Array, Array]
@@ -157,7 +153,7 @@ def find_lineage(
     expected_objects: float,
     settings: LineageSettings,
     paths: OrbitPaths,
-    solved: dict | None = None,
+    log_integrals: dict[tuple[int, int], float] | None = None,
 ) -> Lineage:
     """Find orbits of one object before and after a maneuver.
 
@@ -178,9 +174,9 @@ def find_lineage(
     settings : LineageSettings
     paths : OrbitPaths
         Of all orbits, over all gaps.
-    solved : dict, optional
-        Solutions of pairs of these orbits from an earlier call, to which those of other pairs are
-        added.
+    log_integrals : dict, optional
+        Logarithms of the integral of equation (1) for pairs of these orbits, from an earlier call;
+        those of other pairs are added.
 
     Returns
     -------
@@ -190,19 +186,18 @@ def find_lineage(
     longest = settings.longest_gap_h * 3600.0 / TIME_UNIT_S
     rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
     constant = np.log(rate) - region.log_density - np.log(expected_objects)
+    scales = np.array(settings.scales_m_s) / VELOCITY_UNIT_M_S
     later = np.flatnonzero(after)
-    solved = {} if solved is None else solved
-    found: dict[tuple[int, int], _Solution] = {}
+    log_integrals = {} if log_integrals is None else log_integrals
+    ratio: dict[tuple[int, int], float] = {}
     for a in np.flatnonzero(before).tolist():
         gap = first[later] - last[a]
         for b in later[(gap > 0.0) & (gap <= longest)].tolist():
-            if (a, b) not in solved:
-                near = _encounters(paths, a, b, last[a], first[b])
-                given = fits, a, b, near, paths, (last[a], first[b]), forces, settings
-                solved[a, b] = _solved(*given) if near.size else None
-            if solved[a, b] is not None:
-                found[a, b] = solved[a, b]
-    ratio = {pair: constant + each.log_integral for pair, each in found.items()}
+            if (a, b) not in log_integrals:
+                approach = _approach(fits, a, b, paths, (last[a], first[b]), forces)
+                log_integrals[a, b] = _log_integral(approach, scales)
+            if np.isfinite(log_integrals[a, b]):
+                ratio[a, b] = constant + log_integrals[a, b]
     chosen = _assigned(ratio)
     parts = []
     for a, b in chosen:
@@ -211,7 +206,10 @@ def find_lineage(
         probability = float(np.exp(ratio[a, b] - logsumexp([0.0, *others])))
         if probability >= settings.least_probability:
             parts.append((a, b, probability))
-    kept = [found[a, b] for a, b, _ in parts]
+    kept = []
+    for a, b, _ in parts:
+        approach = _approach(fits, a, b, paths, (last[a], first[b]), forces)
+        kept.append(_solved(approach, fits.state[b], fits.covariance[b], scales))
     unit = VELOCITY_UNIT_M_S
     return Lineage(
         np.array([a for a, *_ in parts], dtype=np.int64),
@@ -253,18 +251,41 @@ def _encounters(paths: OrbitPaths, a: int, b: int, begin: float, end: float) -> 
     return near[miss <= _GATE * np.sqrt(spread) + _CURVED * half * np.sqrt(speed2)]
 
 
-def _solved(
+class _Approach(NamedTuple):
+    """Two orbits next to some times of a gap.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Middles of intervals, nondimensional.
+    width : float
+        Of the intervals.
+    z, rate : ndarray, shape (n, 6)
+        z of equation (1) and its derivative.
+    covariance : ndarray, shape (n, 6, 6)
+        P_a + P_b.
+    mapped : ndarray, shape (n, 6, 6)
+        Covariances of the states of the later orbit with its state at its epoch.
+    """
+
+    time: Array
+    width: float
+    z: Array
+    rate: Array
+    covariance: Array
+    mapped: Array
+
+
+def _approach(
     fits: OrbitFits,
     a: int,
     b: int,
-    near: Indices,
     paths: OrbitPaths,
     gap: tuple[float, float],
     forces: tuple,
-    settings: LineageSettings,
-) -> _Solution | None:
-    """Equation (1) next to some times; none if an orbit meets a body, or if covariances are
-    singular in double precision."""
+) -> _Approach | None:
+    """Two orbits where they may meet in a gap; none if they do not, or if one meets a body."""
+    near = _encounters(paths, a, b, *gap)
     count = max(1, int(np.ceil((gap[1] - gap[0]) * TIME_UNIT_S / _FINE_S)))
     width = (gap[1] - gap[0]) / count
     time = gap[0] + width * (np.arange(count) + 0.5)
@@ -277,95 +298,37 @@ def _solved(
     if not np.all(np.isfinite(state)):
         return None
     mapped = stm @ fits.covariance[pair, None]
-    covariance = mapped @ stm.swapaxes(2, 3)
-    z, velocity = state[1] - state[0], np.zeros((time.size, 6))
-    velocity[:, :3] = z[:, 3:]
-    try:
-        solutions = [
-            _components(z, velocity, covariance, mapped[1], scale / VELOCITY_UNIT_M_S, width)
-            for scale in settings.scales_m_s
-        ]
-    except np.linalg.LinAlgError:
-        return None
-    log_weight, shift, spread, change, change_spread, moved, reduced = (
-        np.concatenate(each) for each in zip(*solutions, strict=True)
+    z, rate = state[1] - state[0], np.zeros((time.size, 6))
+    rate[:, :3] = z[:, 3:]
+    covariance = (mapped @ stm.swapaxes(2, 3)).sum(axis=0)
+    return _Approach(time, width, z, rate, covariance, mapped[1])
+
+
+def _log_integral(approach: _Approach | None, scales: Array) -> float:
+    """Logarithm of equation (1) without r / n; minus infinity without an approach, or if
+    covariances are singular in double precision."""
+    if approach is None:
+        return -np.inf
+    log_weight = log_line_integrals(
+        approach.z, approach.rate, approach.covariance, scales, approach.width
     )
-    total = float(logsumexp(log_weight))
-    if not np.isfinite(total):
-        return None
-    share = np.exp(log_weight - total)
-    when = np.tile(time, len(solutions)) + shift
+    return float(logsumexp(log_weight)) - np.log(scales.size)
+
+
+def _solved(approach: _Approach, state: Array, covariance: Array, scales: Array) -> _Solution:
+    """The moments of the mixture of equation (1); `state` and `covariance` are those of the later
+    orbit."""
+    given = approach.z, approach.rate, approach.covariance, approach.mapped
+    parts = [line_moments(*given, scale, approach.width) for scale in scales]
+    log_weight, shift, spread, change, change_spread, moved, reduced = (
+        np.concatenate(each) for each in zip(*parts, strict=True)
+    )
+    share = np.exp(log_weight - logsumexp(log_weight))
+    when = np.tile(approach.time, scales.size) + shift
     mean_time = float(share @ when)
-    change_mean, change_covariance = moments(share, change, change_spread)
     correction, lower = moments(share, moved, reduced)
     return _Solution(
-        total - np.log(len(solutions)),
         (mean_time, float(share @ (spread + (when - mean_time) ** 2))),
-        (change_mean, change_covariance),
-        (fits.state[b] + correction, lower + fits.covariance[b]),
+        moments(share, change, change_spread),
+        (state + correction, lower + covariance),
     )
-
-
-def _components(
-    z: Array, rate: Array, covariance: Array, mapped: Array, scale: float, width: float
-) -> tuple[Array, ...]:
-    """The mixture of one scale over intervals: logarithms of the integrals; mean and variance of
-    the time after the middle; change of velocity, its covariance; correction of the state at the
-    epoch of the later orbit, and that of its covariance."""
-    s = covariance[0] + covariance[1]
-    s[:, range(3, 6), range(3, 6)] += scale**2
-    # one factorization for z, its rate, the inverse and the mapped covariance
-    every = np.broadcast_to(np.eye(6), s.shape)
-    solved = np.linalg.solve(
-        s, np.concatenate([z[..., None], rate[..., None], every, mapped], axis=2)
-    )
-    c, b, a = (
-        np.einsum("ni,ni->n", one, solved[:, :, k]) for one, k in ((z, 0), (z, 1), (rate, 1))
-    )
-    closest, root = -b / a, np.sqrt(a)
-    low, high = ((side * 0.5 * width - closest) * root for side in (-1.0, 1.0))
-    # the difference of two normal distributions, in the tail where it is accurate
-    flip = low > 0.0
-    low, high = np.where(flip, -high, low), np.where(flip, -low, high)
-    inside = log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
-    log_weight = (
-        -0.5 * (c - b * b / a) - 0.5 * np.linalg.slogdet(2.0 * np.pi * s)[1]
-        + 0.5 * np.log(2.0 * np.pi / a) + inside
-    )  # fmt: skip
-    shift, variance = _truncated(low, high, flip, closest, root, width)
-    there = solved[:, :, 0] + shift[:, None] * solved[:, :, 1]
-    gain = scale**2 * solved[:, :, 2:8]
-    along = scale**2 * solved[:, 3:, 1]
-    change_spread = scale**2 * (np.eye(3) - gain[:, 3:, 3:])
-    change_spread += variance[:, None, None] * along[:, :, None] * along[:, None]
-    # P_b is of the epoch, z of the time: cov(x_b, z) is the transposed product
-    cross = mapped.swapaxes(1, 2)
-    correction = -np.einsum("nij,nj->ni", cross, there)
-    drift = np.einsum("nij,nj->ni", cross, solved[:, :, 1])
-    reduced = variance[:, None, None] * drift[:, :, None] * drift[:, None]
-    reduced -= cross @ solved[:, :, 8:]
-    return log_weight, shift, variance, scale**2 * there[:, 3:], change_spread, correction, reduced
-
-
-def _truncated(
-    low: Array, high: Array, flip: NDArray[np.bool_], closest: Array, root: Array, width: float
-) -> tuple[Array, Array]:
-    """Mean and variance of normal distributions of the mean `closest` and the standard deviation
-    1 / `root` within +- width / 2; limits are standardized, and mirrored where `flip`."""
-    mass = ndtr(high) - ndtr(low)
-    usual = (high - low > _WIDE) & (mass > _MASS)
-    mass = np.where(usual, mass, 1.0)
-    first, last = (np.exp(-0.5 * each**2) / np.sqrt(2.0 * np.pi) for each in (low, high))
-    offset = (first - last) / mass
-    spread = 1.0 + (low * first - high * last) / mass - offset**2
-    mean = closest + np.where(flip, -offset, offset) / root
-    nearest = np.clip(closest, -0.5 * width, 0.5 * width)
-    nearest = np.where(high - low > _WIDE, nearest, 0.0)
-    return np.where(usual, mean, nearest), np.where(usual, spread / root**2, width**2 / 12.0)
-
-
-def moments(share: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a mixture."""
-    whole = share @ mean
-    off = mean - whole
-    return whole, np.einsum("n,nij->ij", share, covariance) + (share[:, None] * off).T @ off

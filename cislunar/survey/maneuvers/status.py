@@ -118,8 +118,10 @@ def maneuvered_orbits(
     everything = np.ones(own.size, dtype=bool)
     given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
              "settings": settings}  # fmt: skip
-    solved: dict = {}
-    found = find_lineage(fits, angles, everything, everything, paths=paths, solved=solved, **given)
+    known: dict[tuple[int, int], float] = {}
+    found = find_lineage(
+        fits, angles, everything, everything, paths=paths, log_integrals=known, **given
+    )
     fits, changed = _divided(fits, angles, found, paths, significance, refit, given)
     if changed.size:
         parts, again = maneuvers_within(fits.take(changed), angles, **inside)
@@ -127,9 +129,9 @@ def maneuvered_orbits(
         last = angles.time[fits.row[fits.begin[1:] - 1]]
         moved = orbit_paths(fits.take(changed), first, now, forces=forces)
         paths.state[changed], paths.covariance[changed] = moved.state, moved.covariance
-        solved = {pair: each for pair, each in solved.items() if not np.isin(pair, changed).any()}
+        known = {pair: each for pair, each in known.items() if not np.isin(pair, changed).any()}
         found = find_lineage(
-            fits, angles, everything, everything, paths=paths, solved=solved, **given
+            fits, angles, everything, everything, paths=paths, log_integrals=known, **given
         )
     # in order of time, so that a chain of orbits is confirmed from its begin on
     order = np.argsort(last[found.before], kind="stable")

@@ -35,7 +35,8 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import Angles, OrbitFits, propagated
 from cislunar.runtime import Array
-from cislunar.survey.maneuvers.lineage import Lineage, moments
+from cislunar.survey.maneuvers.line_integrals import moments
+from cislunar.survey.maneuvers.lineage import Lineage
 from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_path
 from cislunar.survey.settings import LineageSettings
 
