@@ -9,11 +9,11 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "likelihood": ["gate_threshold", "gaussian_log_likelihood"],
     "maneuvered": ["associate_maneuvered", "reachable"],
     "methods": ["associate"],
-    "model": ["ASSOCIATORS", "AssociationModel", "FRAMES", "KNOWN"],
+    "model": ["ASSOCIATORS", "AssociationModel", "MULTIPLE_FRAMES", "KNOWN"],
     "multiple_frames": ["associate_frames", "set_packing"],
     "nearest_neighbor": ["nearest_neighbor"],
     "probabilistic": ["equivalent_direction", "joint_probabilities", "marginals"],
-    "tracks": ["CONFIRMED", "DELETED", "LOST", "STATUS_NAMES", "TENTATIVE", "TrackStatus",
+    "tracks": ["CONFIRMED", "DELETED", "LOST", "TRACK_STATUS_NAMES", "TENTATIVE", "TrackStatus",
         "known_tracks"],
     "window": ["Association", "Window", "clusters"],
 })

@@ -1,6 +1,6 @@
 """Interchangeable methods of association, by name."""
 
-from cislunar.association.model import FRAMES, JOINT, NEAREST, AssociationModel
+from cislunar.association.model import JOINT, MULTIPLE_FRAMES, NEAREST, AssociationModel
 from cislunar.association.multiple_frames import associate_frames
 from cislunar.association.nearest_neighbor import nearest_neighbor
 from cislunar.association.probabilistic import joint_probabilities
@@ -25,7 +25,7 @@ def associate(window: Window, model: AssociationModel) -> Association:
         return nearest_neighbor(window, model.gate_probability)
     if model.method == JOINT:
         return joint_probabilities(window, model.gate_probability)
-    if model.method == FRAMES:
+    if model.method == MULTIPLE_FRAMES:
         confirmation = model.confirmations, model.confirmation_exposures
         return associate_frames(
             window,

@@ -7,7 +7,7 @@ from cislunar.detection.process import DetectionProcess
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import Flag, Positive, number, setting, whole
 
-KNOWN, NEAREST, JOINT, FRAMES = ASSOCIATORS = (
+KNOWN, NEAREST, JOINT, MULTIPLE_FRAMES = ASSOCIATORS = (
     "known-identity",
     "nearest-neighbor",
     "joint-probabilities",
@@ -30,7 +30,7 @@ class AssociationModel(DetectionProcess):
         "association of detections with tracks: the identity of every detection is known "
         "(`known-identity`, a reference), global nearest neighbor in each exposure "
         "(`nearest-neighbor`), joint probabilistic data association (`joint-probabilities`), or "
-        "assignment over a window of exposures (`multiple-frames`)", default=FRAMES)
+        "assignment over a window of exposures (`multiple-frames`)", default=MULTIPLE_FRAMES)
     unknown_deg2: Positive = setting(
         "assumed mean number of detections of objects without a track, per exposure and square "
         "degree", "deg^-2", default=1e-3)

@@ -22,7 +22,7 @@ from cislunar.association.window import Association, Window
 from cislunar.runtime import Array
 
 TENTATIVE, CONFIRMED, LOST, DELETED = range(4)
-STATUS_NAMES = ("tentative", "confirmed", "lost", "deleted")
+TRACK_STATUS_NAMES = ("tentative", "confirmed", "lost", "deleted")
 
 _CONFIRMED, _LOST, _DELETED = 0.95, 0.05, 1e-5
 """Probabilities of existence from which a track is confirmed, and below which a confirmed one is

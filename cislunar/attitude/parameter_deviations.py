@@ -28,7 +28,7 @@ from cislunar.attitude.rigid_body import angular_acceleration, matrix_times
 from cislunar.compiled import copy_into, njit_alloc, njit_inline, njit_noalloc
 from cislunar.elementary import exponential
 
-COLUMNS = 8
+TRACK_COLUMNS = 8
 """Derivatives with respect to the three components of the initial angular velocity, then with
 respect to the deviations in the order of their kinds."""
 
@@ -161,8 +161,8 @@ def _carry_columns(track, h, midway, after, body):
     m, n = _growth(midway[1], body), _growth(after[1], body)
     a, b = _to_inertial(midway[0]), _to_inertial(after[0])
     half, eighth, sixth = 0.5 * h, 0.125 * h, h / 6.0
-    t = track.reshape((_ROWS, COLUMNS))  # a constant shape, for the compiler
-    for c in range(COLUMNS):
+    t = track.reshape((_ROWS, TRACK_COLUMNS))  # a constant shape, for the compiler
+    for c in range(TRACK_COLUMNS):
         s1, s2, s3 = t[_TURNS, c], t[_TURNS + 1, c], t[_TURNS + 2, c]
         p1, p2, p3 = t[_SLOPES + _TURNS, c], t[_SLOPES + _TURNS + 1, c], t[_SLOPES + _TURNS + 2, c]
         x, y, z = t[_CHANGES, c], t[_CHANGES + 1, c], t[_CHANGES + 2, c]
@@ -207,8 +207,9 @@ def _put_end(track, q, w, a):
 
 @njit_alloc
 def make_track():
-    """Uninitialized arrays of a track (`_ROWS`, COLUMNS) and of the times of its step's ends."""
-    return np.empty((_ROWS, COLUMNS)), np.empty(2)
+    """Uninitialized arrays of a track (`_ROWS`, TRACK_COLUMNS) and of the times of its step's
+    ends."""
+    return np.empty((_ROWS, TRACK_COLUMNS)), np.empty(2)
 
 
 @njit_noalloc
@@ -228,7 +229,7 @@ def begin_track(track, times, quaternion, omega, body, with_columns):
         growth, to_inertial = _growth(w, body), _to_inertial(q)
         for i in range(3):
             track[_END + _CHANGES + i, i] = 1.0  # d omega(0) / d omega(0)
-            for c in range(COLUMNS):
+            for c in range(TRACK_COLUMNS):
                 row = _END + _SLOPES
                 track[row + _CHANGES + i, c] = track[_DRIVE_AFTER + i, c]
                 if c < 3:
@@ -241,7 +242,7 @@ def _take_step(track, times, h, body, with_columns):
     """Advance a track by one step."""
     for row in range(_END):
         if with_columns or row % _SLOPES == 0:
-            for c in range(COLUMNS):
+            for c in range(TRACK_COLUMNS):
                 track[row, c] = track[_END + row, c]
     old, slope = track[0], track[_SLOPES]
     q, w = (old[0], old[1], old[2], old[3]), (old[4], old[5], old[6])

@@ -28,7 +28,7 @@ import yaml
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EphemerisForces, forces_between
-from cislunar.ephemeris import COLUMNS, clock_text, tdb_seconds, tdb_to_clock
+from cislunar.ephemeris import BODY_COLUMNS, clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import checked, observation_table, read_text
 from cislunar.observation import Scene, Sensor, make_scene
@@ -119,9 +119,11 @@ def dates(tdb_s: Iterable[float]) -> list[str]:
 def icrf_scene(position: Array, bodies: Array, step_s: float) -> Scene:
     """Scene of observers whose axes are those of the ICRF, from their positions (observer, step, 3)
     and those of the bodies (step, body, 3) in the order of the ephemeris, nondimensional."""
-    primaries = np.stack([bodies[:, COLUMNS["earth"]], bodies[:, COLUMNS["moon"]]], axis=1)
+    primaries = np.stack(
+        [bodies[:, BODY_COLUMNS["earth"]], bodies[:, BODY_COLUMNS["moon"]]], axis=1
+    )
     return make_scene(
-        position, bodies[:, COLUMNS["sun"]], step_s, observer_rate_deg_h=np.zeros(3),
+        position, bodies[:, BODY_COLUMNS["sun"]], step_s, observer_rate_deg_h=np.zeros(3),
         axes=np.eye(3), primaries=primaries,
     )  # fmt: skip
 

@@ -26,7 +26,7 @@ from cislunar.benchmark.submission import ASSIGNMENTS, OBJECTS
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.detection import Exposures
 from cislunar.dynamics import EphemerisForces, propagate_stm
-from cislunar.ephemeris import COLUMNS, read_table
+from cislunar.ephemeris import BODY_COLUMNS, read_table
 from cislunar.errors import CislunarError, ConvergenceError, InputFileError
 from cislunar.exchange import Segment, inertial_arc, oem_text
 from cislunar.observation import Scene, sensor_limits
@@ -87,7 +87,7 @@ def _scene(
     steps = np.arange(int(exposures.step.max()) + 1)
     bodies = read_table(forces.table, forces.epoch + step_s * steps)[0] / LENGTH_UNIT_KM
     place = table[["pos1", "pos2", "pos3"]].to_numpy() / LENGTH_UNIT_KM
-    place = place + bodies[exposures.step, COLUMNS["earth"]]
+    place = place + bodies[exposures.step, BODY_COLUMNS["earth"]]
     tracks = np.zeros((n, steps.size, 3))
     for o in np.unique(exposures.observer).tolist():
         own = exposures.observer == o

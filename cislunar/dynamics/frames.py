@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.runtime.arguments import Array, require_choice
 
 BARYCENTER = "barycenter"
-CENTERS = (BARYCENTER, *COLUMNS)
+CENTERS = (BARYCENTER, *BODY_COLUMNS)
 
 
 class Frame(NamedTuple):
@@ -79,7 +79,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike) -> Frame:
         If a time lies outside of the table.
     """
     position, velocity, acceleration = read_table(table, time)
-    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
     r, v, a = (each[..., moon] - each[..., earth] for each in (position, velocity, acceleration))
     axes = rotating_frame(r, v)
     distance = np.linalg.norm(r, axis=-1)
@@ -104,7 +104,7 @@ def lunar_frame(table: BodyTable, time: ArrayLike) -> Frame:
     """Frame with constant units that coincides with the Moon's center; for arguments and errors
     see `pulsating_frame`."""
     position, velocity, _ = read_table(table, time)
-    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
     axes = rotating_frame(
         position[..., moon] - position[..., earth], velocity[..., moon] - velocity[..., earth]
     )
@@ -201,6 +201,6 @@ def recenter(state: ArrayLike, table: BodyTable, time: ArrayLike, *, old: str, n
     for name, sign in ((old, 1.0), (new, -1.0)):
         require_choice("center", name, CENTERS)
         if name != BARYCENTER:
-            at = COLUMNS[name]
+            at = BODY_COLUMNS[name]
             moved = moved + sign * np.concatenate([position[..., at], velocity[..., at]], axis=-1)
     return moved

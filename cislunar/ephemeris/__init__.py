@@ -4,8 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "bodies": ["BodyTable", "COLUMNS", "GM_EARTH", "GM_MOON", "GM_SUN", "NODE_SPACING_S", "cubic",
-        "hermite", "moon_axes", "read_table", "require_within", "tabulate_bodies"],
+    "bodies": ["BODY_COLUMNS", "BodyTable", "GM_EARTH", "GM_MOON", "GM_SUN", "NODE_SPACING_S",
+        "cubic", "hermite", "moon_axes", "read_table", "require_within", "tabulate_bodies"],
     "kernel": ["DEFAULT_KERNEL"],
     "sampling": ["SunMoonEphemeris", "check_coverage", "interpolate_sun", "rotating_frame",
         "sample_ephemeris"],

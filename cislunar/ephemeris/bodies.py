@@ -42,7 +42,7 @@ from cislunar.runtime import Array
 GM_EARTH, GM_MOON, GM_SUN = 398_600.436233, 4_902.800076, 132_712_440_040.944
 
 NODE_SPACING_S = 600.0
-COLUMNS = {"earth": slice(0, 3), "moon": slice(3, 6), "sun": slice(6, 9)}
+BODY_COLUMNS = {"earth": slice(0, 3), "moon": slice(3, 6), "sun": slice(6, 9)}
 
 
 class BodyTable(NamedTuple):
@@ -158,8 +158,8 @@ def read_table(table: BodyTable, time: ArrayLike) -> tuple[Array, Array, Array]:
     Returns
     -------
     position, velocity, acceleration : ndarray, shape (..., 9)
-        Earth, Moon and Sun (`COLUMNS`) relative to the Earth-Moon barycenter, J2000 axes, km, km/s
-        and km/s^2. The acceleration is that of the cubic, with a relative accuracy of 1e-6.
+        Earth, Moon and Sun (`BODY_COLUMNS`) relative to the Earth-Moon barycenter, J2000 axes, km,
+        km/s and km/s^2. The acceleration is that of the cubic, with a relative accuracy of 1e-6.
 
     Raises
     ------

@@ -104,7 +104,7 @@ def characterized_targets(
     ----------
     found : sequence of Characterization or None
         Estimate of each target; None without any.
-    light_curves : sequence of ndarray, shape (row, COLUMNS)
+    light_curves : sequence of ndarray, shape (row, ROW_COLUMNS)
         The light curves that were characterized, see
         `cislunar.estimation.light_curves.light_curve.cost`.
     attitudes : sequence of ndarray, shape (row, 4)

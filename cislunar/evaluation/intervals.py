@@ -175,7 +175,7 @@ _SHARES = (
 SPANS_DECADES = ("anees", "bound_ratio")
 """Beginnings of quantities that two cells are compared in by their logarithm."""
 
-GEOMETRIC = ("bound_ratio", "rmse_geometric", "final_error_geometric")
+GEOMETRIC_MEANS = ("bound_ratio", "rmse_geometric", "final_error_geometric")
 """Beginnings of quantities with geometric means over realizations. The mean of ANEES is arithmetic:
 a single overconfident realization is to show in it."""
 
@@ -185,14 +185,14 @@ def interval_of(
 ) -> Interval:
     """Mean and 95 % confidence interval of a quantity of a cell with `targets` targets.
 
-    `values` and `groups` are those of `t_interval`. Counts, shares and `GEOMETRIC` quantities have
+    `values` and `groups` are those of `t_interval`. Counts, shares and `GEOMETRIC_MEANS` have
     intervals of their own; those of all others are limited to possible values.
     """
     if quantity in COUNTS:
         return count_interval(values, groups)
     if quantity in _SHARES:
         return share_interval(values, targets, groups)
-    if quantity.startswith(GEOMETRIC):
+    if quantity.startswith(GEOMETRIC_MEANS):
         return log_interval(values, groups)
     found = t_interval(values, groups)
     is_share = "coverage" in quantity or quantity.endswith(("_share", "_fraction"))

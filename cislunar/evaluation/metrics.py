@@ -15,7 +15,7 @@ from cislunar.evaluation.custody import Custody, attitude_angle_deg
 from cislunar.runtime import Array
 
 TRACKED, NEVER_OBSERVED, INCONSISTENT = range(3)
-STATUS_NAMES = ("tracked", "never_observed", "inconsistent")
+TARGET_STATUS_NAMES = ("tracked", "never_observed", "inconsistent")
 """Names of the status codes in data sets. Inconsistent: observed, but inconsistent with its
 covariance in the final hours."""
 

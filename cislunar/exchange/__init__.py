@@ -7,8 +7,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "ades": ["VERSIONS", "ades_text", "read_ades"],
     "aem": ["AttitudeSegment", "BODY", "aem_text", "read_aem"],
-    "arcs": ["COMMENTS", "EPHEMERIS_COMMENTS", "GEOMETRIC", "arc", "inertial_arc", "rotating_arc"],
-    "catalog": ["COLUMNS", "is_catalog", "read_catalog"],
+    "arcs": ["COMMENTS", "EPHEMERIS_COMMENTS", "GEOMETRIC_DIRECTIONS", "arc", "inertial_arc",
+        "rotating_arc"],
+    "catalog": ["CATALOG_COLUMNS", "is_catalog", "read_catalog"],
     "inertial": ["Epoch", "epoch_at", "icrf_axes", "inertial_covariances",
         "rotating_covariances", "rotating_state_at", "rotating_states"],
     "key_values": ["CENTERS", "EARTH_MOON_CENTER", "FRAMES", "dates", "read_text"],

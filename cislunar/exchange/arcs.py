@@ -36,7 +36,7 @@ COMMENTS = (
 EPHEMERIS_COMMENTS = ("States in dynamics with Earth, Moon and Sun from an ephemeris, ICRF axes.",)
 """Definition of the states in ephemeris dynamics."""
 
-GEOMETRIC = "Simulated directions, without light time and aberration"
+GEOMETRIC_DIRECTIONS = "Simulated directions, without light time and aberration"
 """Definition of simulated observations."""
 
 

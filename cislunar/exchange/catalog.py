@@ -17,7 +17,7 @@ from cislunar.errors import InputFileError
 from cislunar.exchange.table_rows import named_rows, row_names, row_numbers
 from cislunar.runtime.arguments import Array
 
-COLUMNS = (
+CATALOG_COLUMNS = (
     *("x0 (LU)", "y0 (LU)", "z0 (LU)", "vx0 (LU/TU)", "vy0 (LU/TU)", "vz0 (LU/TU)"),
     *("Jacobi constant (LU2/TU2)", "Period (TU)", "Stability index", "Mass ratio"),
 )
@@ -65,9 +65,9 @@ def read_catalog(path: str | Path) -> _CatalogRows:
         mass ratio is not the Moon's.
     """
     remedy = "; export the rows in the catalog's units LU and TU, with their header"
-    _, rows = named_rows(path, "orbit", "Id", COLUMNS, remedy=remedy)
+    _, rows = named_rows(path, "orbit", "Id", CATALOG_COLUMNS, remedy=remedy)
     names = row_names(rows, "orbit", "Id")
-    table = np.array([row_numbers(place, row, (COLUMNS, 1.0)) for place, row in rows])
+    table = np.array([row_numbers(place, row, (CATALOG_COLUMNS, 1.0)) for place, row in rows])
     for (place, _), period, mu in zip(rows, table[:, 7], table[:, 9], strict=True):
         if not period > 0.0:
             raise InputFileError(f"{place}: Period (TU) = {period:g} must be positive")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import primary_positions
-from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import Array
@@ -102,7 +102,7 @@ def station_tracks(
     fixed = np.asarray(position_km, dtype=float)
     out = np.einsum("tji,sj->sti", earth_rotation(times), fixed) / LENGTH_UNIT_KM
     position, velocity, _ = read_table(table, times)
-    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
     if inertial:
         return out + position[:, earth] / LENGTH_UNIT_KM
     axes = rotating_frame(

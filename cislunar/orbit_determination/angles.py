@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.detection import read_detections
 from cislunar.dynamics import CR3BP, EphemerisForces, pulsating_frame
-from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ARCSECOND, unit_vectors
 from cislunar.runtime.arguments import Array, Indices, array_of
@@ -262,12 +262,12 @@ def angles_from_table(
     for code, body in _CENTERS.items():
         if body is not None:
             observer = observer + np.where(
-                (centers == code)[:, None], position[:, COLUMNS[body]], 0.0
+                (centers == code)[:, None], position[:, BODY_COLUMNS[body]], 0.0
             )
     ra, dec = np.deg2rad(table[["ra", "dec"]].to_numpy()).T
     unit = unit_vectors(ra, dec)
     basis = tangent_basis(unit)
-    sun, drift = position[:, COLUMNS["sun"]], -velocity[:, COLUMNS["sun"]]
+    sun, drift = position[:, BODY_COLUMNS["sun"]], -velocity[:, BODY_COLUMNS["sun"]]
     if isinstance(forces, EphemerisForces):
         observer, sun = observer / LENGTH_UNIT_KM, sun / LENGTH_UNIT_KM
     else:

@@ -19,7 +19,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.exchange import (
     COMMENTS,
     EPHEMERIS_COMMENTS,
-    GEOMETRIC,
+    GEOMETRIC_DIRECTIONS,
     ades_text,
     aem_text,
     ocm_text,
@@ -95,8 +95,8 @@ def cell_messages(
     if ending in (".tdm", ".psv"):
         comments: tuple[str, ...] = ()
         if table is None:
-            table = cell_observations(cell, sun, seed=seed).assign(remarks=GEOMETRIC)
-            comments = (*dynamics, GEOMETRIC)
+            table = cell_observations(cell, sun, seed=seed).assign(remarks=GEOMETRIC_DIRECTIONS)
+            comments = (*dynamics, GEOMETRIC_DIRECTIONS)
         if ending == ".psv":
             return {"": ades_text(table)}
         return {"": tdm_text(table, **message, comments=comments)}

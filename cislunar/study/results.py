@@ -20,7 +20,7 @@ from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
-from cislunar.evaluation.metrics import STATUS_NAMES
+from cislunar.evaluation.metrics import TARGET_STATUS_NAMES
 from cislunar.exchange.key_values import dates
 from cislunar.runtime.arguments import Array
 from cislunar.runtime.netcdf import variable, write_text
@@ -355,7 +355,7 @@ def sigma_columns(sigma: Array) -> dict[str, Array]:
 
 def _counted(status: NDArray[np.int64]) -> str:
     """Status of a target in all realizations, in words."""
-    counts = {name: int(np.sum(status == k)) for k, name in enumerate(STATUS_NAMES)}
+    counts = {name: int(np.sum(status == k)) for k, name in enumerate(TARGET_STATUS_NAMES)}
     return ", ".join(
         name if count == len(status) else f"{name} ({count})"
         for name, count in counts.items()

@@ -36,7 +36,7 @@ class CharacterizedOrbit(NamedTuple):
         Index of the orbit in the catalog.
     row : ndarray of int, shape (n,)
         Detections of the light curve.
-    light_curve : ndarray, shape (n, COLUMNS)
+    light_curve : ndarray, shape (n, ROW_COLUMNS)
         See `cislunar.estimation.light_curves.light_curve.cost`; times in s since the start.
     noise_mag : float
         Median standard deviation of the magnitudes.
@@ -132,7 +132,7 @@ def light_curve(
     -------
     row : ndarray of int, shape (n,)
         Rows of the angles in order of time, without those in a shadow of Earth or Moon.
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         See `cislunar.estimation.light_curves.model_selection.light_curve_rows`; times in s since
         the start.
     """

@@ -54,7 +54,7 @@ from cislunar.dynamics import (
     pulsating_frame,
     to_inertial,
 )
-from cislunar.ephemeris.bodies import COLUMNS, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.runtime import Array, array_of, count_of, number_of
 from cislunar.targets.tables import TargetStates
@@ -239,7 +239,8 @@ def _is_clear_in(state: Array, days: float, forces: EphemerisForces) -> bool:
         return False
     bodies, *_ = read_table(forces.table, forces.epoch + elapsed * TIME_UNIT_S)
     return all(
-        np.linalg.norm(path - bodies[:, COLUMNS[body]], axis=1).min() > radius + LEAST_ALTITUDE_KM
+        np.linalg.norm(path - bodies[:, BODY_COLUMNS[body]], axis=1).min()
+        > radius + LEAST_ALTITUDE_KM
         for body, radius in (("earth", EARTH_RADIUS_KM), ("moon", MOON_RADIUS_KM))
     )
 

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange import COLUMNS, Epoch, is_catalog, read_catalog, rotating_state_at
+from cislunar.exchange import CATALOG_COLUMNS, Epoch, is_catalog, read_catalog, rotating_state_at
 from cislunar.exchange.oem import objects_of
 from cislunar.exchange.table_rows import (
     OWN_FAMILY,
@@ -116,7 +116,7 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     if first and is_catalog(first[0][1]):
         found = read_catalog(path)
         for name, state in zip(found.name, found.state, strict=True):
-            check_state(f"{path}, Id {name!r}", COLUMNS, state, "")
+            check_state(f"{path}, Id {name!r}", CATALOG_COLUMNS, state, "")
         return TargetStates(found.name, [OWN_FAMILY] * len(found.name), found.state, found.period)
     header, rows = named_rows(path, "target")
     position = quantity_columns(path, header, POSITION)

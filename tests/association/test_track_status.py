@@ -7,8 +7,8 @@ from cislunar.association import (
     CONFIRMED,
     DELETED,
     LOST,
-    STATUS_NAMES,
     TENTATIVE,
+    TRACK_STATUS_NAMES,
     Association,
     TrackStatus,
     Window,
@@ -74,7 +74,7 @@ def test_a_confirmed_track_without_detections_is_lost_and_comes_back():
     assert history == [CONFIRMED] * 13 + [LOST] * 17
     assert tracks.status[1] == CONFIRMED and tracks.existence[1] == pytest.approx(1.0 - 1e-6)
     tracks.update(miss, taken((0, 0, 1.0)), 40, np.array([3]), 4)
-    assert STATUS_NAMES[tracks.status[0]] == "confirmed"
+    assert TRACK_STATUS_NAMES[tracks.status[0]] == "confirmed"
     assert tracks.existence[0] > 0.99
     assert tracks.last.tolist() == [43, -1]
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.parameter_deviations import (
-    COLUMNS,
+    TRACK_COLUMNS,
     TURN_PER_STEP,
     begin_track,
     ends_of,
@@ -52,11 +52,13 @@ def begun(*given):
 
 
 def _read(track, times, when):
-    """Attitude, and the turns of all columns in the body frame (3, COLUMNS), at a time."""
+    """Attitude, and the turns of all columns in the body frame (3, TRACK_COLUMNS), at a time."""
     weights = weigh_ends(times, when)
     q = np.array([np.dot(weights, ends_of(track, 0, c)) for c in range(4)])
     q /= np.linalg.norm(q)
-    turns = [[np.dot(weights, ends_of(track, 1 + i, c)) for i in range(3)] for c in range(COLUMNS)]
+    turns = [
+        [np.dot(weights, ends_of(track, 1 + i, c)) for i in range(3)] for c in range(TRACK_COLUMNS)
+    ]
     return q, to_body(q, turns).T
 
 
@@ -64,8 +66,8 @@ def test_attitude_and_all_derivatives_against_scipy():
     body, still = _body(AMOUNTS), np.array([0.0, 0.0, 0.0, 1.0])
     track, times = begun(still, RATE, body, True)
     alone, alone_times = begun(still, RATE, body, False)
-    ends = [(_motion(h), _motion(-h)) for h in 1e-4 * np.eye(COLUMNS)]
-    reference = _motion(np.zeros(COLUMNS))
+    ends = [(_motion(h), _motion(-h)) for h in 1e-4 * np.eye(TRACK_COLUMNS)]
+    reference = _motion(np.zeros(TRACK_COLUMNS))
     for k, when in enumerate(TIMES):
         extend_track(track, times, when, body, True, TURN_PER_STEP)
         extend_track(alone, alone_times, when, body, False, TURN_PER_STEP)

@@ -5,7 +5,7 @@ import pytest
 from small_cells import cell_inputs, settings_of_cell
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.association_table import COLUMNS, association_rows
+from cislunar.campaign.tracking.association_table import ASSOCIATION_COLUMNS, association_rows
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.figures.tracking import association_figure
@@ -48,7 +48,7 @@ def test_histories_of_tracks_are_those_of_the_result(cells):
 
 def test_methods_are_compared_with_known_identities(cells):
     table = association_rows(cells, 10.0)
-    assert list(table.columns) == list(COLUMNS)
+    assert list(table.columns) == list(ASSOCIATION_COLUMNS)
     frames = table[table["associator"] == "multiple-frames"].set_index("quantity")
     assert frames["clutter"].unique().tolist() == [1.0]
     gospa = {

@@ -12,7 +12,7 @@ from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.tracking.cell import tracking_problem
+from cislunar.campaign.tracking.cell import cell_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import (
     cell_arcs,
@@ -71,7 +71,7 @@ def cell(inputs, settings):
 @pytest.fixture(scope="module")
 def scene(inputs, settings):
     chosen = typed(settings, CellSettings)
-    problem = tracking_problem(CELL, inputs, chosen, "dop853", loop_settings(chosen, 60))
+    problem = cell_problem(CELL, inputs, chosen, "dop853", loop_settings(chosen, 60))
     return problem.scene
 
 

@@ -18,7 +18,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import merged, typed
-from cislunar.campaign.tracking.cell import tracking_problem
+from cislunar.campaign.tracking.cell import cell_problem
 from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
 from cislunar.campaign.tracking.records import cell_arcs, frame_epoch
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
@@ -174,7 +174,7 @@ def test_a_later_day_and_free_phases_move_observers_sun_and_targets(inputs):
     for own, change in ((inputs.architecture, {}), (phased, {"start_day": 0.5})):
         chosen = typed(settings | change, CellSettings)
         given = chosen, "dopri5", loop_settings(chosen, 60)
-        found.append(tracking_problem(cell, inputs._replace(architecture=own), *given))
+        found.append(cell_problem(cell, inputs._replace(architecture=own), *given))
     first, later = found
     half_a_day = 0.5 * SECONDS_PER_DAY / TIME_UNIT_S
     times = half_a_day + 60.0 * np.arange(121) / TIME_UNIT_S
@@ -188,7 +188,7 @@ def test_a_later_day_and_free_phases_move_observers_sun_and_targets(inputs):
         np.testing.assert_allclose(after, flown, atol=1e-8)
     wrong = inputs.architecture.assign(phase=("slot", [0.25, 1.5]))
     with pytest.raises(ConfigurationError, match=r"phase = \[0\.25, 1\.5\] must be shares"):
-        tracking_problem(cell, inputs._replace(architecture=wrong), *given)
+        cell_problem(cell, inputs._replace(architecture=wrong), *given)
 
 
 def test_arcs_of_a_later_day_have_its_dates(inputs, recorded):

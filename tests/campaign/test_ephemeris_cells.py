@@ -26,7 +26,7 @@ from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import checked, merged, typed
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.tracking import ephemeris_inputs
-from cislunar.campaign.tracking.cell import tracking_problem
+from cislunar.campaign.tracking.cell import cell_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.ephemeris_inputs import flown_dataset, flown_paths
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU
@@ -57,7 +57,7 @@ def settings_of(**changes):
 def test_bodies_agree_with_spice_and_observers_with_the_frames(inputs):
     settings = typed(settings_of(start_day=1.0), CellSettings)
     loop = loop_settings(settings, 60)
-    problem = tracking_problem(CELL, inputs, settings, "dop853", loop)
+    problem = cell_problem(CELL, inputs, settings, "dop853", loop)
     scene, epoch, k = problem.scene, float(inputs.bodies["epoch_et"]), 77
     time = epoch + 86_400.0 + scene.step_s * k
     with loaded(kernel_path("de421")):
@@ -150,7 +150,7 @@ def test_observers_are_on_refined_orbits(inputs, caplog):
     assert np.all(refined["position_miss"].values < 1.0)
     assert np.all(refined["velocity_miss"].values < 1.0)
     assert refined_rows(observers=refined)["refined"].tolist() == [3, 3]
-    scene = tracking_problem(CELL, inputs, settings, "dop853", loop).scene
+    scene = cell_problem(CELL, inputs, settings, "dop853", loop).scene
     epoch = float(inputs.bodies["epoch_et"])
     path = RefinedPath(refined["node_time"].values[own], refined["node_state"].values[own], 0, 0)
     forces = forces_on_observers(inputs.bodies, chosen["dynamics"])
@@ -170,10 +170,10 @@ def test_impossible_settings_are_refused(inputs):
     settings = typed(settings_of(), CellSettings)
     loop = loop_settings(settings, 60)
     with pytest.raises(ConfigurationError, match=r"ephemeris/bodies\.nc"):
-        tracking_problem(CELL, inputs._replace(bodies=None), settings, "dop853", loop)
+        cell_problem(CELL, inputs._replace(bodies=None), settings, "dop853", loop)
     late = typed(settings_of(start_day=2.99), CellSettings)
     with pytest.raises(ConfigurationError, match="table of Earth, Moon and Sun"):
-        tracking_problem(CELL, inputs, late, "dop853", loop)
+        cell_problem(CELL, inputs, late, "dop853", loop)
     mixed = settings_of(dynamics={"truth": "cr3bp", "filter": "ephemeris"})
     with pytest.raises(ConfigurationError, match="set truth to 'ephemeris'"):
         checked(mixed, CellSettings)
@@ -186,7 +186,7 @@ def test_cells_share_the_refined_orbits_of_their_observers(inputs, tmp_path, mon
     write_dataset(flown_dataset(*given), tmp_path / "flown.nc")
 
     def places(**shared):
-        problem = tracking_problem(
+        problem = cell_problem(
             CELL, inputs._replace(**shared), settings, "dop853", loop_settings(settings, 60)
         )
         return problem.scene.observer_position

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.maneuvers.table import COLUMNS, maneuver_rows
+from cislunar.campaign.tracking.maneuvers.table import MANEUVER_COLUMNS, maneuver_rows
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.figures.maneuvers import maneuver_figure
 
@@ -89,7 +89,7 @@ def value(table, quantity, low=np.nan, response="recovery", of="value"):
 
 
 def test_detection(table):
-    assert tuple(table.columns) == COLUMNS
+    assert tuple(table.columns) == MANEUVER_COLUMNS
     assert value(table, "detected", 0.1) == 0.0 and value(table, "detected", 10.0) == 1.0
     assert value(table, "detected", 10.0, of="low") == pytest.approx(0.025 ** (1.0 / 20.0))
     assert value(table, "detected", 10.0, of="number") == 20

@@ -18,7 +18,7 @@ from cislunar.campaign.settings.scenarios import (
     shared_dataset,
 )
 from cislunar.campaign.tracking.summary import PER_CELL, PER_PART
-from cislunar.campaign.tracking.sweep_table import COLUMNS, plotted_values, sweep_rows
+from cislunar.campaign.tracking.sweep_table import SWEEP_COLUMNS, plotted_values, sweep_rows
 from cislunar.figures.search.sweep import sweep_figure
 
 
@@ -79,7 +79,7 @@ def _summary(cells, quantity="coverage"):
 def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
     cells, points = swept_cells(study, "noise"), sweep_points(study, "noise")
     table = sweep_rows("noise", study["sweeps"]["noise"], points, [], _summary(cells))
-    assert tuple(table.columns) == COLUMNS
+    assert tuple(table.columns) == SWEEP_COLUMNS
     covered = table[(table["quantity"] == "coverage") & (table["part"] == "attitude")]
     assert [*zip(covered["estimator"], covered["value"], covered["mean"], strict=True)] == [
         (cell.estimator, value, k / 8.0)

@@ -23,7 +23,7 @@ from cislunar.dynamics.radiation import (
 )
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import (
-    COLUMNS,
+    BODY_COLUMNS,
     GM_EARTH,
     GM_MOON,
     GM_SUN,
@@ -263,7 +263,7 @@ def test_clouds_take_fewer_stages_away_from_the_moon_alone(forces, starts, name,
 
     The high lunar orbit faces the Sun: steps do not end at edges of a shadow.
     """
-    sun = read_table(forces.table, START)[0][COLUMNS["sun"]]
+    sun = read_table(forces.table, START)[0][BODY_COLUMNS["sun"]]
     aside = np.cross(sun, [0.0, 0.0, 1.0])
     along = np.cross(sun, aside)
     r, v = (each / np.linalg.norm(each) for each in (aside, along))

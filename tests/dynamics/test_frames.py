@@ -13,7 +13,7 @@ from cislunar.dynamics.frames import (
     recenter,
     to_inertial,
 )
-from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.kernel import EARTH, EARTH_MOON_BARYCENTER, MOON, SUN, kernel_path, loaded
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError
@@ -91,7 +91,7 @@ def test_primaries_are_the_bodies(table):
     position, velocity, _ = read_table(table, TIMES)
     for name, x in (("earth", -MU), ("moon", 1.0 - MU)):
         mapped = to_inertial(np.array([x, 0, 0, 0, 0, 0]), frame)
-        at = COLUMNS[name]
+        at = BODY_COLUMNS[name]
         np.testing.assert_allclose(mapped[:, :3], position[:, at], rtol=0, atol=1e-8)
         np.testing.assert_allclose(mapped[:, 3:], velocity[:, at], rtol=0, atol=1e-13)
     assert frame.time == pytest.approx(TIME_UNIT_S * (frame.length / LENGTH_UNIT_KM) ** 1.5)

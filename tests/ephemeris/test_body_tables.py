@@ -7,7 +7,7 @@ from test_ephemeris import excerpt
 
 from cislunar.constants import EPOCH_JD
 from cislunar.ephemeris import bodies
-from cislunar.ephemeris.bodies import COLUMNS, moon_axes, read_table, tabulate_bodies
+from cislunar.ephemeris.bodies import BODY_COLUMNS, moon_axes, read_table, tabulate_bodies
 from cislunar.ephemeris.kernel import EARTH, EARTH_MOON_BARYCENTER, MOON, SUN, kernel_path, loaded
 from cislunar.ephemeris.time_scales import tdb_seconds, utc_to_tdb
 from cislunar.errors import ConfigurationError, InputFileError
@@ -26,8 +26,12 @@ def test_table_against_spice():
             exact = np.array(
                 [spiceypy.spkgeo(body, t, "J2000", EARTH_MOON_BARYCENTER)[0] for t in times]
             )
-            np.testing.assert_allclose(position[:, COLUMNS[name]], exact[:, :3], rtol=0, atol=1e-6)
-            np.testing.assert_allclose(velocity[:, COLUMNS[name]], exact[:, 3:], rtol=0, atol=1e-9)
+            np.testing.assert_allclose(
+                position[:, BODY_COLUMNS[name]], exact[:, :3], rtol=0, atol=1e-6
+            )
+            np.testing.assert_allclose(
+                velocity[:, BODY_COLUMNS[name]], exact[:, 3:], rtol=0, atol=1e-9
+            )
 
 
 def test_accelerations_of_the_table():
@@ -38,9 +42,12 @@ def test_accelerations_of_the_table():
     later, earlier = (read_table(table, times + s)[1] for s in (60.0, -60.0))
     np.testing.assert_allclose(acceleration, (later - earlier) / 120.0, rtol=0, atol=2e-12)
     r, a = (
-        each[:, COLUMNS["moon"]] - each[:, COLUMNS["earth"]] for each in (position, acceleration)
+        each[:, BODY_COLUMNS["moon"]] - each[:, BODY_COLUMNS["earth"]]
+        for each in (position, acceleration)
     )
-    moon, earth = (position[:, COLUMNS["sun"]] - position[:, COLUMNS[b]] for b in ("moon", "earth"))
+    moon, earth = (
+        position[:, BODY_COLUMNS["sun"]] - position[:, BODY_COLUMNS[b]] for b in ("moon", "earth")
+    )
 
     def by_cube(x):
         return x / np.linalg.norm(x, axis=1)[:, None] ** 3
@@ -54,7 +61,9 @@ def test_masses_are_those_of_the_kernel():
     """The barycenter of DE421 divides Earth and Moon by their masses."""
     table = tabulate_bodies(START, START)
     position = read_table(table, START)[0]
-    ratio = np.linalg.norm(position[COLUMNS["moon"]]) / np.linalg.norm(position[COLUMNS["earth"]])
+    ratio = np.linalg.norm(position[BODY_COLUMNS["moon"]]) / np.linalg.norm(
+        position[BODY_COLUMNS["earth"]]
+    )
     assert pytest.approx(ratio, rel=1e-9) == bodies.GM_EARTH / bodies.GM_MOON
 
 
@@ -85,7 +94,7 @@ def test_the_near_side_of_the_moon_faces_the_earth():
     table = tabulate_bodies(START, START + 360.0 * DAY)
     times = START + DAY * np.arange(0.0, 360.0, 0.5)
     position = read_table(table, times)[0]
-    earth = position[:, COLUMNS["earth"]] - position[:, COLUMNS["moon"]]
+    earth = position[:, BODY_COLUMNS["earth"]] - position[:, BODY_COLUMNS["moon"]]
     x, y, z = np.einsum("tij,tj->it", moon_axes(times), earth)
     longitude, latitude = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, np.hypot(x, y)))
     assert 7.0 < np.abs(longitude).max() < 8.2

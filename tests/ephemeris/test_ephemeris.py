@@ -9,7 +9,7 @@ import spiceypy
 from cislunar.campaign.data.inputs import bodies_dataset, sun_dataset
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.ephemeris import forces_between, propagate_utc
-from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.kernel import kernel_path, loaded
 from cislunar.ephemeris.sampling import interpolate_sun, rotating_frame, sample_ephemeris
 from cislunar.ephemeris.time_scales import tai_minus_utc, utc_to_tdb
@@ -271,11 +271,11 @@ def test_a_second_kernel_is_used_where_it_is_set():
     assert 1e-10 < turned < 1e-7
     tables = [tabulate_bodies(first.et[0], first.et[-1], kernel) for kernel in ("de421", SECOND)]
     places = [read_table(table, first.et)[0] for table in tables]
-    moon = np.linalg.norm((places[1] - places[0])[:, COLUMNS["moon"]], axis=1)
+    moon = np.linalg.norm((places[1] - places[0])[:, BODY_COLUMNS["moon"]], axis=1)
     assert moon.min() > 1e-5 and moon.max() < 0.1  # km
     with loaded(kernel_path(SECOND)):
         wanted = np.array([spiceypy.spkgps(301, t, "J2000", 3)[0] for t in first.et])
-    np.testing.assert_allclose(places[1][:, COLUMNS["moon"]], wanted, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(places[1][:, BODY_COLUMNS["moon"]], wanted, rtol=0.0, atol=1e-6)
     start, stop = "2024-10-01T00:00:00", "2024-10-05T00:00:00"
     state = [3.0e5, 1.0e5, 2.0e4, -0.3, 0.9, 0.1]
     ends = [
@@ -299,7 +299,7 @@ def test_the_campaign_takes_the_second_kernel():
     )
     default = bodies_dataset(settings | {"ephemeris": {"kernel": "de421", "step_minutes": 60}})
     change = np.abs(bodies["coefficient"] - default["coefficient"]).values[:, 0]
-    assert 0.0 < change[:, COLUMNS["moon"]].max() < 0.1
+    assert 0.0 < change[:, BODY_COLUMNS["moon"]].max() < 0.1
 
 
 def test_de440_is_found_by_its_name():

@@ -10,7 +10,7 @@ from message_files import file_of, spoil
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import InputFileError
-from cislunar.exchange.catalog import COLUMNS, read_catalog
+from cislunar.exchange.catalog import CATALOG_COLUMNS, read_catalog
 from cislunar.targets.tables import load_target_states
 
 TRUTH = Path(__file__).parents[1] / "data/orbit_truth"
@@ -22,7 +22,7 @@ def catalog_rows():
     truth = truth[np.isfinite(truth["T"]) & (truth["closure_residual"] < 1e-10)].reset_index()
     table = pd.DataFrame({"Id": truth.index + 1})
     named = ("x0", "y0", "z0", "vx0", "vy0", "vz0", "JC", "T", "stability", "mu")
-    for column, name in zip(COLUMNS, named, strict=True):
+    for column, name in zip(CATALOG_COLUMNS, named, strict=True):
         table[column] = truth[name].fillna(1.0)
     return table
 

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import primary_positions
-from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.time_scales import julian_date, utc_to_tdb
 from cislunar.errors import ConfigurationError
 from cislunar.observation.ground import earth_rotation, station_positions, station_tracks
@@ -183,7 +183,7 @@ def test_stations_see_sun_and_moon_at_their_elevations():
     site = station_positions([51.48], [0.0], [0.0])
     free, turning = (station_tracks(site, table, time, inertial=k)[0] for k in (True, False))
     bodies = read_table(table, time)[0] / 384_400.0
-    earth, moon, sun = (bodies[:, COLUMNS[name]] for name in ("earth", "moon", "sun"))
+    earth, moon, sun = (bodies[:, BODY_COLUMNS[name]] for name in ("earth", "moon", "sun"))
     up = (free - earth) / np.linalg.norm(free - earth, axis=1)[:, None]
     height = np.rad2deg(np.arcsin(np.sum(up * sun, axis=1) / np.linalg.norm(sun, axis=1)))
     # the vertical of a sphere is that of latitude 51.29; the Sun is nine hours past the equator

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel, cost
-from cislunar.estimation.light_curves.row_blocks import COLUMNS, RANGE, SUN, TIME, VIEW
+from cislunar.estimation.light_curves.row_blocks import RANGE, ROW_COLUMNS, SUN, TIME, VIEW
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.photometry.bodies import plain_body
 from cislunar.photometry.materials import Material
@@ -36,7 +36,7 @@ def anchor_of(size=6):
 
 def geometry(n, hours=(0.0, 6.0)):
     """Rows of detections of weight 1 without magnitudes."""
-    data = np.ones((n, COLUMNS))
+    data = np.ones((n, ROW_COLUMNS))
     data[:, TIME] = 3600.0 * np.linspace(hours[0] + 0.02, hours[1], n)
     angle = data[:, TIME] / 3.0e4
     zeros = np.zeros(n)

@@ -7,7 +7,7 @@ from nights import SIGMA
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, UNITS, forces_between, propagate
-from cislunar.ephemeris.bodies import COLUMNS, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table
 from cislunar.ephemeris.time_scales import clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import ORBIT, AdmissibleRegion, angles_from_table, initial_orbits
@@ -20,8 +20,8 @@ def ades_table(state_km, start, forces, hours, places_km, rng):
     for number, (hour, where) in enumerate(zip(hours, places_km, strict=True)):
         tdb = begin + 3600.0 * hour
         position, velocity, _ = read_table(forces.table, tdb)
-        drift = -velocity[COLUMNS["sun"]]
-        here = position[COLUMNS["earth"]] + where
+        drift = -velocity[BODY_COLUMNS["sun"]]
+        here = position[BODY_COLUMNS["earth"]] + where
         tau = 0.0
         for _ in range(6):
             there = propagate(

@@ -24,7 +24,7 @@ from cislunar.dynamics import (
     pulsating_frame,
     to_inertial,
 )
-from cislunar.ephemeris.bodies import COLUMNS, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, read_table
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits import periodic_orbits
@@ -156,7 +156,7 @@ def test_objects_can_be_used_in_ephemeris_dynamics(families):
     path = propagate_many(states, times, forces=forces, method="dop853")[..., :3] * LENGTH_UNIT_KM
     bodies, *_ = read_table(forces.table, forces.epoch + times * TIME_UNIT_S)
     for body, radius in (("earth", EARTH_RADIUS_KM), ("moon", MOON_RADIUS_KM)):
-        distance = np.linalg.norm(path - bodies[:, COLUMNS[body]], axis=2)
+        distance = np.linalg.norm(path - bodies[:, BODY_COLUMNS[body]], axis=2)
         assert distance.min() > radius + 50.0
 
 

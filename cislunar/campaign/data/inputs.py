@@ -9,7 +9,7 @@ import xarray as xr
 
 from cislunar.campaign.settings import Orbits, Targets, Visibility, family_extent, typed
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.ephemeris import COLUMNS, NODE_SPACING_S, BodyTable, tabulate_bodies, utc_to_tdb
+from cislunar.ephemeris import BODY_COLUMNS, NODE_SPACING_S, BodyTable, tabulate_bodies, utc_to_tdb
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.runtime import Progress, logger, progress_log, variable
@@ -61,7 +61,7 @@ def bodies_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
     length = settings["visibility"]["duration_days"] * SECONDS_PER_DAY
     table = tabulate_bodies(epoch, epoch + length, settings["ephemeris"]["kernel"])
     node = table.start + table.spacing * np.arange(len(table.coefficients))
-    bodies = [f"{body}_{axis}" for body in COLUMNS for axis in AXES]
+    bodies = [f"{body}_{axis}" for body in BODY_COLUMNS for axis in AXES]
     meaning = (
         "coefficient of a power of the fraction of an interval: position, barycentric frame with "
         "J2000 axes"

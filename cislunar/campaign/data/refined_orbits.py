@@ -12,7 +12,7 @@ from cislunar.campaign.settings import Dynamics, typed
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import UNITS, from_inertial, is_low_lunar, pulsating_frame
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
-from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import reference_states, tracking_cost
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, path_states, refined_path
@@ -167,7 +167,7 @@ def paths_dataset(
     elapsed = horizon(settings) * TIME_UNIT_S
     frame = pulsating_frame(forces.table, forces.epoch + elapsed)
     sun = np.zeros((elapsed.size, 6))
-    sun[:, :3] = read_table(forces.table, forces.epoch + elapsed)[0][:, COLUMNS["sun"]]
+    sun[:, :3] = read_table(forces.table, forces.epoch + elapsed)[0][:, BODY_COLUMNS["sun"]]
     phase, _ = distinct_phases(max_satellites)
     states, periods = orbits["state"].values, orbits["period"].values
     track = np.empty((len(states), phase.size, elapsed.size, 3))
@@ -202,7 +202,7 @@ def _measured(
     time = np.arange(0.0, days * SECONDS_PER_DAY + 1.0, _HOUR_S)
     flown = path_states(forces, path, time)[:, :3] * LENGTH_UNIT_KM
     reference = reference_states(forces.table, forces.epoch, state, period, time)[:, :3]
-    moon = read_table(forces.table, forces.epoch + time)[0][:, COLUMNS["moon"]]
+    moon = read_table(forces.table, forces.epoch + time)[0][:, BODY_COLUMNS["moon"]]
     return (
         1e3 * path.position_miss_km,
         1e6 * path.velocity_miss_km_s,

@@ -18,9 +18,9 @@ from cislunar.campaign.survey.records import SurveyRecorder
 from cislunar.campaign.tracking.cell import (
     CellInputs,
     Problem,
+    cell_problem,
     realization_seeds,
     target_labels,
-    tracking_problem,
 )
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import (
@@ -116,7 +116,7 @@ def survey_realization(
     cell_settings = typed(used, CellSettings, f"surveys.{name}")
     cell = Cell(survey.scenario, survey.architecture, "mukf", survey.targets, 60)
     loop = loop_settings(cell_settings, cell.interval_minutes)
-    problem = tracking_problem(cell, inputs, cell_settings, propagator, loop)
+    problem = cell_problem(cell, inputs, cell_settings, propagator, loop)
     chosen = SurveySettings(**{key: getattr(survey, key) for key in SurveyModel.model_fields})
     table = survey.prior_table
     sources = PriorSources(

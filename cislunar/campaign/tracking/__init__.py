@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cell": ["CellInputs", "Placement", "Problem", "cell_ephemeris", "cell_loop", "read_inputs",
-        "realization_seeds", "scene_times", "target_labels", "tracking_problem"],
+        "realization_seeds", "scene_times", "target_labels", "cell_problem"],
     "checkpoint": ["Checkpoint"],
     "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
     "dataset": ["SETTING_KEYS", "cell_dataset", "tracked_dataset", "write_cell"],

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.association.model import FRAMES, KNOWN, AssociationModel
+from cislunar.association.model import KNOWN, MULTIPLE_FRAMES, AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
@@ -23,7 +23,7 @@ TASKED = "tasked target"
 """Associator of cells whose observations measure their own targets alone."""
 
 PLACE = ("clutter", "field_deg", "targets", "mode", "population", "estimator", "dynamics")
-COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "largest", "seeds")
+ASSOCIATION_COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "largest", "seeds")
 """Columns of the table. `clutter`: mean number of false alarms per exposure."""
 
 UNCONFIRMED = "multiple-frames-unconfirmed"
@@ -56,7 +56,7 @@ def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float
             rows.append({**place, "quantity": name, "mean": interval.mean, "low": low,
                          "high": interval.high, "largest": np.max(each),
                          "seeds": interval.count})  # fmt: skip
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(ASSOCIATION_COLUMNS))
 
 
 def _reference(place: Mapping[str, Any]) -> tuple:
@@ -67,7 +67,11 @@ def _reference(place: Mapping[str, Any]) -> tuple:
 def _associator(given: AssociationModel) -> str:
     if not given.in_field:
         return TASKED
-    return UNCONFIRMED if given.method == FRAMES and given.confirmations == 1 else given.method
+    return (
+        UNCONFIRMED
+        if given.method == MULTIPLE_FRAMES and given.confirmations == 1
+        else given.method
+    )
 
 
 def _described(

@@ -128,7 +128,7 @@ def realization_seeds(seed: int, count: int, first: int = 0) -> list[int]:
     return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in numbers]
 
 
-def tracking_problem(
+def cell_problem(
     cell: Cell,
     inputs: CellInputs,
     settings: CellSettings,
@@ -309,12 +309,12 @@ def cell_loop(
     """The closed loop of a cell with all its realizations, from the `seed` of the campaign.
 
     `settings` are those of `cell_settings`, `propagator` is that of the observers; for `placement`
-    see `tracking_problem`. Raises `ConfigurationError` if the cell cannot be run.
+    see `cell_problem`. Raises `ConfigurationError` if the cell cannot be run.
     """
     chosen = typed(settings, CellSettings)
     check_cell(cell, chosen, inputs.tracked.sizes["target"])
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
-    problem = tracking_problem(cell, inputs, chosen, propagator, loop, placement)
+    problem = cell_problem(cell, inputs, chosen, propagator, loop, placement)
     run = ClosedLoop(
         problem.scene,
         problem.surfaces,

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.association.tracks import STATUS_NAMES as TRACK_STATUS_NAMES
+from cislunar.association.tracks import TRACK_STATUS_NAMES
 from cislunar.campaign.data.inputs import orbit_set_dataset
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import (
@@ -30,9 +30,9 @@ from cislunar.campaign.tracking.records import (
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_FIELD, UPDATES
 from cislunar.estimation.light_curves.model_selection.characterization import (
-    STATUS_NAMES as ATTITUDE_STATUS_NAMES,
+    ATTITUDE_STATUS_NAMES,
 )
-from cislunar.evaluation import CHARACTERIZED_FIELDS, PARTS, STATUS_NAMES
+from cislunar.evaluation import CHARACTERIZED_FIELDS, PARTS, TARGET_STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.runtime import Later, Progress, growing_dataset, variable
 from cislunar.runtime.provenance import provenance
@@ -250,9 +250,9 @@ _INCONSISTENT = "; inconsistent: observed, but inconsistent with its covariance 
 _FLAGS = {
     "outcome": _flags(OUTCOME_NAMES),
     "observation_outcome": _flags(OUTCOME_NAMES),
-    "status": _flags(STATUS_NAMES),
-    "status_rotation": _flags(STATUS_NAMES),
-    "status_translation": _flags(STATUS_NAMES),
+    "status": _flags(TARGET_STATUS_NAMES),
+    "status_rotation": _flags(TARGET_STATUS_NAMES),
+    "status_translation": _flags(TARGET_STATUS_NAMES),
     "attitude_status": _flags(ATTITUDE_STATUS_NAMES),
     "track_status": _flags(TRACK_STATUS_NAMES),
 }

@@ -17,7 +17,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import InputFileError
 from cislunar.estimation.light_curves.model_selection.characterization import (
-    STATUS_NAMES as ATTITUDE_STATUS_NAMES,
+    ATTITUDE_STATUS_NAMES,
 )
 from cislunar.evaluation.characterization import CharacterizedTargets, within_intervals
 from cislunar.evaluation.metrics import FINAL_HOURS, INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED

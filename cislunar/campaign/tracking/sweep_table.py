@@ -11,7 +11,7 @@ from cislunar.campaign.architectures import architecture_coverage, phases_of
 from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.tables import tracking_rows
 
-COLUMNS = (
+SWEEP_COLUMNS = (
     *("sweep", "key", "label", "value", "scenario", "architecture", "estimator", "variant"),
     *("observers", "targets", "interval_minutes", "quantity", "part", "unit"),
     *("mean", "low", "high", "smallest", "largest", "seeds", "average"),
@@ -82,7 +82,9 @@ def sweep_rows(
         tracked["value"] = [value_of[place] for place in cells]
         table = tracked if table.empty else pd.concat([table, tracked], ignore_index=True)
     label = sweep.get("label", sweep["key"].removeprefix("settings."))
-    table = table.assign(sweep=name, key=sweep["key"], label=label).reindex(columns=list(COLUMNS))
+    table = table.assign(sweep=name, key=sweep["key"], label=label).reindex(
+        columns=list(SWEEP_COLUMNS)
+    )
     for column in ("observers", "targets", "interval_minutes", "seeds"):
         table[column] = table[column].astype("Int64")
     return table

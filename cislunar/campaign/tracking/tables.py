@@ -13,8 +13,8 @@ from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlat
 from cislunar.campaign.tracking.model_errors import NONE, ModelError, model_errors
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.summary import CHARACTERIZED
-from cislunar.estimation.light_curves.model_selection.characterization import STATUS_NAMES
-from cislunar.evaluation.intervals import GEOMETRIC, SPANS_DECADES, group_means, interval_of
+from cislunar.estimation.light_curves.model_selection.characterization import ATTITUDE_STATUS_NAMES
+from cislunar.evaluation.intervals import GEOMETRIC_MEANS, SPANS_DECADES, group_means, interval_of
 from cislunar.runtime import Array
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
@@ -46,7 +46,7 @@ def _statistics(quantity: str, targets: int, values: Array, days: Array | None =
     finite = values[np.isfinite(values)]
     mean, low, high, _ = interval_of(quantity, values, targets, days)
     ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
-    average = "geometric" if quantity.startswith(GEOMETRIC) else "arithmetic"
+    average = "geometric" if quantity.startswith(GEOMETRIC_MEANS) else "arithmetic"
     return mean, low, high, *ends, finite.size, average
 
 
@@ -64,7 +64,7 @@ _POOLED_QUANTITIES = (
     ("inconsistent_rotation", "", "1"),
     ("inconsistent_translation", "", "1"),
     ("failed", "", "1"),
-    *((f"{name}_attitude_share", "", "1") for name in STATUS_NAMES),
+    *((f"{name}_attitude_share", "", "1") for name in ATTITUDE_STATUS_NAMES),
     ("anees_unique", "", "1"),
     ("bright", "", "1"),
     *((f"{name}_within_share", "", "1") for name in CHARACTERIZED),
@@ -103,7 +103,7 @@ def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
     for head, own in frame.groupby([*_PLACE, *MEASURE], sort=False):
         place = dict(zip([*_PLACE, *MEASURE], head, strict=True))
         quantity, values, day = place["quantity"], own["value"].to_numpy(float), own["day"]
-        logarithmic = quantity.startswith(GEOMETRIC)
+        logarithmic = quantity.startswith(GEOMETRIC_MEANS)
         averaged = np.log(np.where(values > 0.0, values, np.nan)) if logarithmic else values
         means = group_means(averaged, day)
         each = np.array([means.get(name, np.nan) for name in ("", *pooled)])

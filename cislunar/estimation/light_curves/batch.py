@@ -218,7 +218,7 @@ class BatchEstimator:
         return self._tracks.fit.rows.copy()
 
     def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
-        """Rows of target j that are kept (n, COLUMNS), see
+        """Rows of target j that are kept (n, ROW_COLUMNS), see
         `cislunar.estimation.light_curves.light_curve.cost`, with times since its initial estimate;
         the model that is fitted to them; and the information of the best mode from data no longer
         kept."""

@@ -13,7 +13,7 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.in_loop import Selection
-from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
+from cislunar.estimation.light_curves.row_blocks import ROTATION, ROW_COLUMNS
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.runtime import Array
@@ -41,7 +41,7 @@ class BatchTracks(NamedTuple):
         """Enlarge the data array of a target; it doubles, so that copies are rare."""
         capacity, needed = self.data[j].shape[0], int(self.fit.rows[j]) + rows
         if needed > capacity:
-            grown = np.empty((max(needed, 2 * capacity), COLUMNS))
+            grown = np.empty((max(needed, 2 * capacity), ROW_COLUMNS))
             grown[:capacity] = self.data[j]
             self.data[j] = grown
 
@@ -76,7 +76,7 @@ def starting_tracks(
         hypotheses,
         rng.spawn(n_targets),
         [_prior_points(*each) for each in zip(hypotheses, models, strict=True)],
-        [np.empty((0, COLUMNS)) for _ in range(n_targets)],
+        [np.empty((0, ROW_COLUMNS)) for _ in range(n_targets)],
         [None] * n_targets,
     )
 

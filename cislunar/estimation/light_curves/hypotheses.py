@@ -260,7 +260,7 @@ def search(hypotheses, data, model, settings, rng, afresh):
 
 @njit_alloc
 def condense(hypotheses, data, model, memory):
-    """Condense part of a light curve (n, COLUMNS) into the anchors, so that its rows can be
+    """Condense part of a light curve (n, ROW_COLUMNS) into the anchors, so that its rows can be
     dropped. Around each live mode the cost of the data is replaced by its second-order expansion.
     The information of an anchor beyond the prior N(0, I) then fades by the factor `memory`, with
     its cost at the mode unchanged."""

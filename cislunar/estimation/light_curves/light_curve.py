@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cislunar.attitude.grp import quaternion_from_grp_components
 from cislunar.attitude.parameter_deviations import (
-    COLUMNS,
+    TRACK_COLUMNS,
     TURN_IF_KNOWN,
     TURN_PER_STEP,
     begin_track,
@@ -198,7 +198,7 @@ def cost(u, data, anchor, model, stop_above):
     ----------
     u : ndarray, shape (n,)
         Estimated parameters, in prior standard deviations.
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         The light curve, in the order of time: time since the epoch (s), magnitude (for a
         non-detection the limit), directions to Sun and observer (inertial frame), range (m), 1 for
         a detection or 0 for a non-detection, and the model's noise variance over that of the row.
@@ -330,7 +330,7 @@ def differentiate_block(first, rows, data, model, surface, shares, work):
     if even:
         turn_evenly(block, w, rows, work.start, work.omega)
     else:
-        read_attitude(block, w, rows, track, times, COLUMNS, work.body, turn)
+        read_attitude(block, w, rows, track, times, TRACK_COLUMNS, work.body, turn)
     if model.surface_kinds.shape[0] > 0:
         _magnitudes_and_deviations(block, shares, w, rows, surface, model)
     else:

@@ -32,7 +32,7 @@ prior standard deviations. They come first and are often all."""
 
 # Columns of a light curve.
 TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
-COLUMNS = 11
+ROW_COLUMNS = 11
 _GEOMETRY = 2
 """First of the seven columns of directions and range."""
 

@@ -20,7 +20,7 @@ from cislunar.estimation.navigation.errors import (
 from cislunar.exchange.table_rows import listed, named_rows, row_names, row_numbers
 from cislunar.runtime import Array
 
-COLUMNS = tuple(
+_COLUMNS = tuple(
     f"{name}_{unit}" for name, unit in zip(OBSERVER_PARAMETERS, PARAMETER_UNITS, strict=True)
 )
 
@@ -45,21 +45,21 @@ def load_observer_errors(path: str | Path) -> dict[str, Array]:
         If the table is faulty; the message names the file and the line.
     """
     header, rows = named_rows(path, "observer", "observer")
-    known = [column for column in COLUMNS if column in header]
-    unknown = [name for name in header if name not in COLUMNS and name != "observer"]
+    known = [column for column in _COLUMNS if column in header]
+    unknown = [name for name in header if name not in _COLUMNS and name != "observer"]
     if unknown or not known:
         given = unknown[0] if unknown else None
         raise InputFileError(
             f"{path}, row 1: "
             + (f"column {given!r} is none of" if given else "no column of errors; give some of")
-            + f" {', '.join(COLUMNS)}; the header has {listed(header)}"
+            + f" {', '.join(_COLUMNS)}; the header has {listed(header)}"
         )
     found = {}
     for name, (place, row) in zip(row_names(rows, "observer", "observer"), rows, strict=True):
         error = np.zeros(N_PARAMETERS)
         for column in known:
             if row[column]:
-                (error[COLUMNS.index(column)],) = row_numbers(place, row, ((column,), 1.0))
+                (error[_COLUMNS.index(column)],) = row_numbers(place, row, ((column,), 1.0))
         found[name] = error
     return found
 

@@ -16,7 +16,7 @@ from cislunar.figures import style
 from cislunar.figures.axes import Array, Grid, note_empty, panel_title, widened
 from cislunar.figures.panels import draw_best
 
-COLUMNS = 3
+_COLUMNS = 3
 """Scenarios side by side."""
 
 _OTHER_RUNS = {"linestyle": "none", "marker": "o", "markersize": 3.0, "alpha": 0.55,
@@ -29,7 +29,7 @@ _LEFT_IN, _RIGHT_IN, _GAP_IN = 0.72, 0.07, 0.5
 
 def _layout(number: int, height_in: float, row_in: float, foot_in: float) -> tuple[Grid, Figure]:
     """Panels for a number of scenarios, and their figure, narrow for a single one."""
-    columns = min(number, COLUMNS)
+    columns = min(number, _COLUMNS)
     rows = -(-number // columns)
     width = style.PAGE_WIDTH_IN if columns > 1 else 0.62 * style.PAGE_WIDTH_IN
     each = (width - _LEFT_IN - _RIGHT_IN - _GAP_IN * (columns - 1)) / columns

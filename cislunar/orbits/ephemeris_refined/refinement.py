@@ -35,7 +35,7 @@ from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.ephemeris_forces import EphemerisForces
 from cislunar.dynamics.propagation import propagate
-from cislunar.ephemeris.bodies import COLUMNS, GM_EARTH, GM_MOON, read_table
+from cislunar.ephemeris.bodies import BODY_COLUMNS, GM_EARTH, GM_MOON, read_table
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import (
     CLOCK_STEP_S,
@@ -158,7 +158,7 @@ def _dip(forces: EphemerisForces, path: RefinedPath) -> tuple[str, float, float]
     position = path_states(forces, path, time)[:, :3] * LENGTH_UNIT_KM
     bodies = read_table(forces.table, forces.epoch + time)[0]
     for body, radius in (("earth", EARTH_RADIUS_KM), ("moon", MOON_RADIUS_KM)):
-        distance = np.linalg.norm(position - bodies[:, COLUMNS[body]], axis=1)
+        distance = np.linalg.norm(position - bodies[:, BODY_COLUMNS[body]], axis=1)
         k = int(np.argmin(distance))
         if distance[k] < radius:
             return body, float(time[k]), float(radius - distance[k])
@@ -170,7 +170,9 @@ def _due_arcs(forces: EphemerisForces, clock: Array, path: Array, even: float) -
     position = read_table(forces.table, forces.epoch + clock)[0]
     rate = np.full(clock.size, even)
     for body, gm in (("earth", GM_EARTH), ("moon", GM_MOON)):
-        distance = np.linalg.norm(path[:, :3] * LENGTH_UNIT_KM - position[:, COLUMNS[body]], axis=1)
+        distance = np.linalg.norm(
+            path[:, :3] * LENGTH_UNIT_KM - position[:, BODY_COLUMNS[body]], axis=1
+        )
         rate += np.sqrt(gm / distance**3)
     return cumulative_trapezoid(rate, clock, initial=0.0)
 
@@ -254,8 +256,8 @@ def _gap(
 def _periapsis(forces: EphemerisForces, body: str, node: Array) -> float:
     """Periapsis distance of a node's osculating conic about a body, nondimensional."""
     position, velocity, _ = read_table(forces.table, forces.epoch + node[6] * TIME_UNIT_S)
-    relative = node[:3] - position[COLUMNS[body]] / UNITS[:3]
-    relative_velocity = node[3:6] - velocity[COLUMNS[body]] / UNITS[3:]
+    relative = node[:3] - position[BODY_COLUMNS[body]] / UNITS[:3]
+    relative_velocity = node[3:6] - velocity[BODY_COLUMNS[body]] / UNITS[3:]
     gm = forces.gm_earth if body == "earth" else forces.gm_moon
     momentum = np.cross(relative, relative_velocity)
     eccentricity = np.cross(relative_velocity, momentum) / gm - relative / np.linalg.norm(relative)

@@ -21,8 +21,8 @@ from cislunar.tasking.realization import USED
 
 PLACE = ("response", "targets", "observers", "mode", "estimator", "dynamics", "clutter",
          "delay_minutes", "days")  # fmt: skip
-COLUMNS = (*PLACE, "smallest_m_s", "largest_m_s", "quantity", "value", "low", "high", "number",
-           "seeds")  # fmt: skip
+MANEUVER_COLUMNS = (*PLACE, "smallest_m_s", "largest_m_s", "quantity", "value", "low", "high",
+                    "number", "seeds")  # fmt: skip
 """Columns of the table. `response`: of the estimates to an alarm, "none", "recovery" or "search"
 (with recovery). A quantity of maneuvers has the smallest and largest change of velocity of their
 class; both are NaN for a quantity of all targets. Custody after a maneuver does not regard later
@@ -57,7 +57,7 @@ def maneuver_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float) -
             rows.append({**place, "smallest_m_s": low, "largest_m_s": high, "quantity": quantity,
                          "value": value, "low": interval[0], "high": interval[1],
                          "number": number, "seeds": data.sizes["seed"]})  # fmt: skip
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(MANEUVER_COLUMNS))
 
 
 def _place(cell: Cell, data: xr.Dataset) -> dict[str, Any]:

@@ -4,9 +4,9 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "characterization": ["AMBIGUOUS", "Characterization", "EstimateInterval", "STATUS_NAMES",
-        "UNIQUE", "UNKNOWN_BODY", "amplitude_of", "area_albedo_of", "attitude_status",
-        "characterize"],
+    "characterization": ["AMBIGUOUS", "ATTITUDE_STATUS_NAMES", "Characterization",
+        "EstimateInterval", "UNIQUE", "UNKNOWN_BODY", "amplitude_of", "area_albedo_of",
+        "attitude_status", "characterize"],
     "correlated": ["ModelError"],
     "in_loop": ["Selection", "report_points", "reported_points", "status_of", "updated_selection"],
     "selection": ["select_model"],

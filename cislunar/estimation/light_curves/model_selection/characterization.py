@@ -28,7 +28,7 @@ UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
 """Status of an attitude: the modes agree; the modes disagree; the shape probably differs from the
 assumed one, or no model explains the light curve."""
 
-STATUS_NAMES = ("unique", "ambiguous", "unknown")
+ATTITUDE_STATUS_NAMES = ("unique", "ambiguous", "unknown")
 """Names of the status, in the order of its numbers."""
 
 _SAME_ATTITUDE_DEG = 5.0
@@ -166,7 +166,7 @@ def characterize(
     ----------
     selected : SelectedModel
         Result of `select_model`.
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         Light curve given to `select_model`.
     model : LightCurveModel
         Model given to `select_model`.

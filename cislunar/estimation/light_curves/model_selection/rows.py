@@ -42,7 +42,7 @@ def expected_rows(u, data, model):
     ----------
     u : ndarray, shape (p,)
         Estimated parameters, in prior standard deviations.
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         See `cislunar.estimation.light_curves.light_curve.cost`.
     model : LightCurveModel
 

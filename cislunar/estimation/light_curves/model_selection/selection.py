@@ -92,7 +92,7 @@ def select_model(
 
     Parameters
     ----------
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         Light curve, see `cislunar.estimation.light_curves.light_curve.cost`; detections only.
     model : LightCurveModel
         Initial rotation, assumed body, rotation deviations and noise. Its surface deviations are

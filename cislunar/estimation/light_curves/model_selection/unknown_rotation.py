@@ -44,10 +44,10 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
 from cislunar.estimation.light_curves.model_selection.correlated import Minimum, distinct_minima
 from cislunar.estimation.light_curves.model_selection.selection import search_modes
 from cislunar.estimation.light_curves.row_blocks import (
-    COLUMNS,
     MAGNITUDE,
     RANGE,
     ROTATION,
+    ROW_COLUMNS,
     SEEN,
     SUN,
     TIME,
@@ -100,11 +100,11 @@ def light_curve_rows(
 
     Returns
     -------
-    ndarray, shape (n, COLUMNS)
+    ndarray, shape (n, ROW_COLUMNS)
         See `cislunar.estimation.light_curves.light_curve.cost`. The weight of a row is the inverse
         of its variance.
     """
-    data = np.empty((np.size(time_s), COLUMNS))
+    data = np.empty((np.size(time_s), ROW_COLUMNS))
     data[:, TIME], data[:, MAGNITUDE], data[:, RANGE] = time_s, magnitude, range_m
     data[:, SUN], data[:, VIEW], data[:, SEEN] = sun, view, 1.0
     data[:, WEIGHT] = 1.0 / np.asarray(variance, dtype=float)
@@ -151,7 +151,7 @@ def spin_period(
 
     Parameters
     ----------
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         See `light_curve_rows`.
     model : LightCurveModel
         See `unknown_rotation_model`.
@@ -240,7 +240,7 @@ def measured_brightness(
 
     Parameters
     ----------
-    data : ndarray, shape (n, COLUMNS)
+    data : ndarray, shape (n, ROW_COLUMNS)
         See `light_curve_rows`.
     irradiance_4pi : bool
         Law of irradiance, see `cislunar.photometry.PhotometryModel`.
