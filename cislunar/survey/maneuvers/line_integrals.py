@@ -104,7 +104,7 @@ def line_moments(
     z, rate, covariance, width
         See `log_line_integrals`.
     mapped : ndarray, shape (n, 6, 6)
-        Covariances of z with the state of the later orbit at its epoch, transposed.
+        Covariances of z with the state of the later orbit at its epoch.
     scale : float
         Nondimensional.
 
