@@ -13,6 +13,10 @@ offset nu of a detection from the prediction of orbit k, the sum S of the covari
 the number n_k of detections of the orbit. All orbits are then fitted again, five times at most. The
 term in n_k lets the orbit with more detections absorb a second orbit of the same object.
 
+Linking may also make further orbits of detections of several of the objects. The detections of such
+an orbit are next to the predictions of orbits that have no detection in the same exposures. It is
+therefore reassigned together with these.
+
 Assumptions and limitations
 ---------------------------
 - S neglects that an orbit has been fitted to its own detections, so that an orbit of few detections
@@ -20,6 +24,7 @@ Assumptions and limitations
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +51,11 @@ the detections of their orbits are reassigned."""
 
 _GATE = float(chdtri(2, 1e-6))
 """Largest squared normalized offset of a detection from an orbit."""
+
+_NEAR, _SIGMAS = 5e-4, 3.0
+"""The detections of an orbit are compared with the predictions of a group if its distance from one
+of the group, at its epoch, is at most this, nondimensional, plus this number of its standard
+deviations."""
 
 _ROUNDS, _LEAST_ROWS, _LEAST_KEPT = 5, 6, 0.5
 """Largest number of divisions; least number of detections of an orbit, and least share of its
@@ -87,14 +97,15 @@ def divided_neighbors(
     Returns
     -------
     NeighborFits
-        Each fit is at the time of its last detection. An orbit that would not agree with its new
-        detections keeps those that it has, which no other orbit takes.
+        Each fit is at the time of its last detection. If an orbit would not agree with its new
+        detections, and all agree without one of the orbits, that one is empty; otherwise the orbit
+        keeps the detections that it has, which no other orbit takes.
     """
     exposure = exposure_numbers(angles)
     changed: list[int] = []
     empty: list[int] = []
     parts: list[OrbitFits] = []
-    for group in _groups(fits, angles, exposure):
+    for group in _groups(fits, angles, exposure, forces):
         every = np.unique(fits.take(group).row)
         # an orbit that meets a body before or after its own detections keeps them
         path, _ = propagated(
@@ -105,15 +116,20 @@ def divided_neighbors(
         while members.size:
             before = fits.take(members)
             pool = np.setdiff1d(every, fits.take(kept).row)
-            found = _divided(before, angles, exposure, pool, fit, forces)
-            good = agrees(found, significance) | (np.diff(found.begin) < _least_rows(before))
-            if not np.all(good):
-                kept, members = np.append(kept, members[~good]), members[good]
-                continue
+            divide = partial(
+                _divided, angles=angles, exposure=exposure, pool=pool, fit=fit, forces=forces
+            )
+            found = divide(before)
             weak = _weak(before, found)
+            good = agrees(found, significance)
+            if not np.any(weak) and not np.all(good):
+                weak = _superfluous(before, found, divide, significance)
             if np.any(weak):
                 empty += members[weak].tolist()
                 members = members[~weak]
+                continue
+            if not np.all(good):
+                kept, members = np.append(kept, members[~good]), members[good]
                 continue
             other = [
                 k for k in range(members.size)
@@ -136,18 +152,40 @@ def _least_rows(before: OrbitFits) -> Indices:
 def _weak(before: OrbitFits, after: OrbitFits) -> NDArray[np.bool_]:
     """Orbits with too few detections, and the one that has kept the least share of its detections
     if that is less than half."""
-    n = before.epoch.size
-    share = np.array([
-        np.isin(before.detections(k), after.detections(k)).mean() for k in range(n)
-    ])  # fmt: skip
+    share = _shares(before, after)
     weak = np.diff(after.begin) < _least_rows(before)
     least = int(np.argmin(share))
     weak[least] |= share[least] < _LEAST_KEPT
     return weak
 
 
-def _groups(fits: OrbitFits, angles: Angles, exposure: Indices) -> list[Indices]:
-    """Sets of orbits, each of which has detections next to those of another one of the set."""
+def _superfluous(
+    before: OrbitFits,
+    after: OrbitFits,
+    divide: Callable[[OrbitFits], OrbitFits],
+    significance: float,
+) -> NDArray[np.bool_]:
+    """The orbit, if any, without which all others agree with their detections and have at least
+    half of its own; those that have kept the least shares are tried first."""
+    out = np.zeros(before.epoch.size, dtype=bool)
+    for k in np.argsort(_shares(before, after), kind="stable").tolist():
+        found = divide(before.take(np.delete(np.arange(out.size), k)))
+        taken = np.isin(before.detections(k), found.row).mean()
+        if taken >= _LEAST_KEPT and np.all(agrees(found, significance)):
+            out[k] = True
+            break
+    return out
+
+
+def _shares(before: OrbitFits, after: OrbitFits) -> Array:
+    """Share of its detections that each orbit has kept."""
+    own = [(before.detections(k), after.detections(k)) for k in range(before.epoch.size)]
+    return np.array([np.isin(old, new).mean() for old, new in own])
+
+
+def _groups(fits: OrbitFits, angles: Angles, exposure: Indices, forces: tuple) -> list[Indices]:
+    """Sets of orbits, each of which has detections next to those of another one of the set, or next
+    to the prediction of another one that has none in the same exposures."""
     n = fits.epoch.size
     owner = np.repeat(np.arange(n), np.diff(fits.begin))
     order = np.argsort(exposure[fits.row], kind="stable")
@@ -165,11 +203,36 @@ def _groups(fits: OrbitFits, angles: Angles, exposure: Indices) -> list[Indices]
         shift += 1
     found, count = np.unique(np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs]), axis=0,
                              return_counts=True)  # fmt: skip
-    edge = found[count >= _LEAST_SHARED].T
-    graph = coo_array((np.ones(edge.shape[1]), (edge[0], edge[1])), shape=(n, n))
+    edges = found[count >= _LEAST_SHARED]
+    close = np.unique(edges)
+    if close.size:
+        edges = np.concatenate([edges, _explained(fits, angles, exposure, close, forces)])
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(n, n))
     label = connected_components(graph, directed=False)[1]
     sizes = np.bincount(label, minlength=n)
     return [np.flatnonzero(label == each) for each in np.flatnonzero(sizes > 1)]
+
+
+def _explained(
+    fits: OrbitFits, angles: Angles, exposure: Indices, by: Indices, forces: tuple
+) -> Indices:
+    """Pairs (pair, 2) of one of some orbits and another one, of which at least three detections are
+    within the gate of the first in exposures without a detection of the first."""
+    time, at = np.unique(fits.epoch, return_inverse=True)
+    state, _ = propagated(fits.state[by], fits.epoch[by], time, forces)
+    apart = np.linalg.norm(state[:, at, :3] - fits.state[:, :3], axis=2)
+    sigma = np.sqrt(np.trace(fits.covariance[:, :3, :3], axis1=1, axis2=2))
+    near = apart <= _NEAR + _SIGMAS * sigma
+    near[np.arange(by.size), by] = False
+    pairs = []
+    for k in np.flatnonzero(near.any(axis=0)).tolist():
+        rows, others = fits.detections(k), by[near[:, k]]
+        squared, _ = _offsets(fits.take(others), angles, rows, forces)
+        for i, other in enumerate(others.tolist()):
+            alone = ~np.isin(exposure[rows], exposure[fits.detections(other)])
+            if np.count_nonzero(squared[alone, i] <= _GATE) >= _LEAST_SHARED:
+                pairs.append((other, k))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _divided(
@@ -213,23 +276,8 @@ def _assigned(
     fits: OrbitFits, angles: Angles, exposure: Indices, pool: Indices, forces: tuple
 ) -> Indices:
     """Orbit (row,) of each detection of the pool, equation (1); -1: none."""
-    seen, time = angles.rows(pool), angles.time[pool]
-    moments, at = np.unique(time, return_inverse=True)
-    state, transition = propagated(fits.state, fits.epoch, moments, forces)
-    cost = np.full((pool.size, fits.epoch.size), np.inf)
-    for k in range(fits.epoch.size):
-        way = state[k, at, :3] - seen.observer_position
-        along = np.sum(way * seen.direction, axis=1)
-        design = seen.basis / along[:, None, None] @ transition[k, at, :3]
-        offset = np.einsum("nac,nc->na", seen.basis, way) / along[:, None]
-        s = design @ fits.covariance[k] @ design.swapaxes(1, 2) + seen.covariance
-        determinant = np.linalg.det(s)
-        good = np.isfinite(determinant) & (determinant > 0.0) & (along > 0.0)
-        squared = np.full(pool.size, np.inf)
-        solved = np.linalg.solve(s[good], offset[good, :, None])[..., 0]
-        squared[good] = np.sum(offset[good] * solved, axis=1)
-        near = squared <= _GATE
-        cost[near, k] = squared[near] + np.log(determinant[near])
+    squared, log_determinant = _offsets(fits, angles, pool, forces)
+    cost = np.where(squared <= _GATE, squared + log_determinant, np.inf)
     number = np.diff(fits.begin)
     cost -= 2.0 * np.log(np.maximum(number, 1))
     owner = np.full(pool.size, -1, dtype=np.int64)
@@ -243,3 +291,25 @@ def _assigned(
             if here[i, k] < none:
                 owner[rows[i]] = k
     return owner
+
+
+def _offsets(fits: OrbitFits, angles: Angles, rows: Indices, forces: tuple) -> tuple[Array, Array]:
+    """Squared normalized offsets nu' S^-1 nu of equation (1) and ln |S|, each (row, orbit); the
+    offset of an orbit without a prediction is infinite."""
+    seen, time = angles.rows(rows), angles.time[rows]
+    moments, at = np.unique(time, return_inverse=True)
+    state, transition = propagated(fits.state, fits.epoch, moments, forces)
+    squared = np.full((rows.size, fits.epoch.size), np.inf)
+    log_determinant = np.zeros_like(squared)
+    for k in range(fits.epoch.size):
+        way = state[k, at, :3] - seen.observer_position
+        along = np.sum(way * seen.direction, axis=1)
+        design = seen.basis / along[:, None, None] @ transition[k, at, :3]
+        offset = np.einsum("nac,nc->na", seen.basis, way) / along[:, None]
+        s = design @ fits.covariance[k] @ design.swapaxes(1, 2) + seen.covariance
+        determinant = np.linalg.det(s)
+        good = np.isfinite(determinant) & (determinant > 0.0) & (along > 0.0)
+        solved = np.linalg.solve(s[good], offset[good, :, None])[..., 0]
+        squared[good, k] = np.sum(offset[good] * solved, axis=1)
+        log_determinant[good, k] = np.log(determinant[good])
+    return squared, log_determinant
