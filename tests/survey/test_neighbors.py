@@ -31,7 +31,7 @@ from cislunar.survey.maneuvers import (
     neighbors,
     orbit_paths,
 )
-from cislunar.survey.maneuvers.neighbors import _assigned, _weak
+from cislunar.survey.maneuvers.neighbors import _assigned, _divided, _superfluous, _weak
 
 MINUTES, OBSERVERS = np.arange(0, 241, 10), range(4)
 FIT = partial(fit_orbits, forces=EARTH_MOON)
@@ -117,6 +117,55 @@ def test_an_orbit_of_detections_of_others_is_left_without_any(group):
     found = divided_neighbors(both, angles, 1e-3, partial(FIT, angles), EARTH_MOON)
     assert found.empty.tolist() == [2]
     assert [np.unique(owner[found.fits.detections(i)]).tolist() for i in (0, 1)] == [[0], [1]]
+
+
+@pytest.fixture(scope="module")
+def further(group):
+    """Orbits of three objects, and one of detections of two of them in exposures in which no orbit
+    of the objects has a detection."""
+    angles, owner, truth = group
+    exposure = np.arange(owner.size) // 3
+    rows = [np.flatnonzero((owner == k) & (exposure % 9 != 4)) for k in range(3)]
+    between = np.flatnonzero((exposure % 9 == 4) & (owner == exposure // 9 % 2))
+    wide = angles._replace(covariance=1e6 * angles.covariance)
+    fits = fitted(angles, rows, truth)
+    return concatenate_fits([fits, fitted(wide, [between], [truth[:2].mean(axis=0)])], fits)
+
+
+def test_an_orbit_of_detections_that_others_miss_is_left_without_any(group, further):
+    angles, owner, _ = group
+    found = divided_neighbors(further, angles, 1e-3, partial(FIT, angles), EARTH_MOON)
+    assert found.empty.tolist() == [3] and found.changed.tolist() == [0, 1]
+    for i in range(2):
+        rows = found.fits.detections(i)
+        assert np.unique(owner[rows]).tolist() == [i]
+        # the detections of the further orbit are in as many exposures of one object as of the other
+        assert rows.size - further.detections(i).size >= further.detections(3).size // 2 - 1
+
+
+def test_an_orbit_of_an_object_that_only_it_detects_is_kept(group, further):
+    """As above, but the further orbit is of the third object, which has no other one."""
+    angles, owner, truth = group
+    exposure = np.arange(owner.size) // 3
+    own = np.flatnonzero((owner == 2) & (exposure % 9 == 4))
+    both = concatenate_fits([further.take([0, 1]), fitted(angles, [own], truth[2:])], further)
+    found = divided_neighbors(both, angles, 1e-3, partial(FIT, angles), EARTH_MOON)
+    assert found.empty.size == found.changed.size == 0
+
+
+def test_the_orbit_without_which_all_others_agree_is_found(group, further):
+    angles, owner, _ = group
+    exposure = np.arange(owner.size) // 3
+    pool, fit = np.unique(further.row), partial(FIT, angles)
+    divide = partial(
+        _divided, angles=angles, exposure=exposure, pool=pool, fit=fit, forces=EARTH_MOON
+    )
+    found = _superfluous(further, divide(further), divide, 1e-3)
+    assert found.tolist() == [False, False, False, True]
+    real = further.take([0, 1, 2])
+    pool = np.unique(real.row)
+    divide = partial(divide, pool=pool)
+    assert not np.any(_superfluous(real, real, divide, 1e-3))
 
 
 def test_objects_far_from_each_other_are_left_alone():
