@@ -98,8 +98,9 @@ def divided_neighbors(
     -------
     NeighborFits
         Each fit is at the time of its last detection. If an orbit would not agree with its new
-        detections, and all agree without one of the orbits, that one is empty; otherwise the orbit
-        keeps the detections that it has, which no other orbit takes.
+        detections, an orbit without which all others agree, and take at least half of its
+        detections, is empty. If there is none, the orbit that would not agree keeps the detections
+        that it has, which no other orbit takes.
     """
     exposure = exposure_numbers(angles)
     changed: list[int] = []
@@ -120,10 +121,13 @@ def divided_neighbors(
                 _divided, angles=angles, exposure=exposure, pool=pool, fit=fit, forces=forces
             )
             found = divide(before)
-            weak = _weak(before, found)
-            good = agrees(found, significance)
-            if not np.any(weak) and not np.all(good):
-                weak = _superfluous(before, found, divide, significance)
+            good = agrees(found, significance) | (np.diff(found.begin) < _least_rows(before))
+            # an orbit that does not agree would give back the detections that it takes
+            weak = (
+                _weak(before, found)
+                if np.all(good)
+                else _superfluous(before, found, divide, significance)
+            )
             if np.any(weak):
                 empty += members[weak].tolist()
                 members = members[~weak]
@@ -165,13 +169,15 @@ def _superfluous(
     divide: Callable[[OrbitFits], OrbitFits],
     significance: float,
 ) -> NDArray[np.bool_]:
-    """The orbit, if any, without which all others agree with their detections and have at least
-    half of its own; those that have kept the least shares are tried first."""
+    """The orbit, if any, without which the others agree, none of them is weak, and they have at
+    least half of its detections. Those that have kept the least shares are tried first, and of
+    these those of fewer detections."""
     out = np.zeros(before.epoch.size, dtype=bool)
-    for k in np.argsort(_shares(before, after), kind="stable").tolist():
-        found = divide(before.take(np.delete(np.arange(out.size), k)))
+    for k in np.lexsort((np.diff(before.begin), _shares(before, after))).tolist():
+        rest = before.take(np.delete(np.arange(out.size), k))
+        found = divide(rest)
         taken = np.isin(before.detections(k), found.row).mean()
-        if taken >= _LEAST_KEPT and np.all(agrees(found, significance)):
+        if taken >= _LEAST_KEPT and not np.any(_weak(rest, found) | ~agrees(found, significance)):
             out[k] = True
             break
     return out
@@ -184,8 +190,8 @@ def _shares(before: OrbitFits, after: OrbitFits) -> Array:
 
 
 def _groups(fits: OrbitFits, angles: Angles, exposure: Indices, forces: tuple) -> list[Indices]:
-    """Sets of orbits, each of which has detections next to those of another one of the set, or next
-    to the prediction of another one that has none in the same exposures."""
+    """Sets of orbits, each of which has detections next to those of another one of the set, or is
+    next to such an orbit (`_near_predictions`)."""
     n = fits.epoch.size
     owner = np.repeat(np.arange(n), np.diff(fits.begin))
     order = np.argsort(exposure[fits.row], kind="stable")
@@ -206,18 +212,19 @@ def _groups(fits: OrbitFits, angles: Angles, exposure: Indices, forces: tuple) -
     edges = found[count >= _LEAST_SHARED]
     close = np.unique(edges)
     if close.size:
-        edges = np.concatenate([edges, _explained(fits, angles, exposure, close, forces)])
+        edges = np.concatenate([edges, _near_predictions(fits, angles, exposure, close, forces)])
     graph = coo_array((np.ones(len(edges)), edges.T), shape=(n, n))
     label = connected_components(graph, directed=False)[1]
     sizes = np.bincount(label, minlength=n)
     return [np.flatnonzero(label == each) for each in np.flatnonzero(sizes > 1)]
 
 
-def _explained(
+def _near_predictions(
     fits: OrbitFits, angles: Angles, exposure: Indices, by: Indices, forces: tuple
 ) -> Indices:
-    """Pairs (pair, 2) of one of some orbits and another one, of which at least three detections are
-    within the gate of the first in exposures without a detection of the first."""
+    """Pairs (pair, 2) of an orbit of `by` and another one, of which at least three detections are
+    within the gate of the first in exposures without a detection of the first. The first passes the
+    second at its epoch within `_NEAR` and `_SIGMAS` standard deviations of the second."""
     time, at = np.unique(fits.epoch, return_inverse=True)
     state, _ = propagated(fits.state[by], fits.epoch[by], time, forces)
     apart = np.linalg.norm(state[:, at, :3] - fits.state[:, :3], axis=2)
@@ -294,8 +301,8 @@ def _assigned(
 
 
 def _offsets(fits: OrbitFits, angles: Angles, rows: Indices, forces: tuple) -> tuple[Array, Array]:
-    """Squared normalized offsets nu' S^-1 nu of equation (1) and ln |S|, each (row, orbit); the
-    offset of an orbit without a prediction is infinite."""
+    """Squared normalized offsets nu' S^-1 nu of equation (1) and ln |S|, each (row, orbit);
+    infinite and 0 for an orbit without a prediction."""
     seen, time = angles.rows(rows), angles.time[rows]
     moments, at = np.unique(time, return_inverse=True)
     state, transition = propagated(fits.state, fits.epoch, moments, forces)
