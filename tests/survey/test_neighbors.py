@@ -143,7 +143,7 @@ def test_an_orbit_of_detections_that_others_miss_is_left_without_any(group, furt
         assert rows.size - further.detections(i).size >= further.detections(3).size // 2 - 1
 
 
-def test_an_orbit_of_an_object_that_only_it_detects_is_kept(group, further):
+def test_an_orbit_beyond_the_gates_of_others_is_kept(group, further):
     """As above, but the further orbit is of the third object, which has no other one."""
     angles, owner, truth = group
     exposure = np.arange(owner.size) // 3
