@@ -3,15 +3,17 @@
 Objects that were deployed together are seconds to minutes of arc apart for hours. Linking may mix
 their tracklets, and a fit to detections of which some are of a neighbor still agrees with them. The
 detections of such orbits are therefore reassigned. In each exposure, a detection belongs to one
-orbit, and an orbit has one detection, at most. Of the assignments of as many detections as possible
-within the gates of the predictions, that of the least sum
+orbit, and an orbit has one detection, at most. Of the assignments within the gates of the
+predictions, that of the least sum
 
     sum of  nu' S^-1 nu + ln |S| - 2 ln n_k                                                     (1)
 
 is taken (rectangular linear assignment: Jonker & Volgenant 1987, Computing 38, 325), with the
 offset nu of a detection from the prediction of orbit k, the sum S of the covariances of both, and
-the number n_k of detections of the orbit. All orbits are then fitted again, five times at most. The
-term in n_k lets the orbit with more detections absorb a second orbit of the same object.
+the number n_k of detections of the orbit. A pair that is missing for a complete assignment counts
+with 1 more than the largest term of the group. Orbits with changed detections are then fitted
+again, five times at most. The term in n_k lets the orbit with more detections absorb a second orbit
+of the same object.
 
 Linking may also make further orbits of detections of several of the objects. The detections of such
 an orbit are next to the predictions of orbits that have no detection in the same exposures. It is
@@ -21,6 +23,8 @@ Assumptions and limitations
 ---------------------------
 - S neglects that an orbit has been fitted to its own detections, so that an orbit of few detections
   rather keeps them.
+- The largest term of equation (1) is that of all exposures of the group. The choice between one
+  pair of a small term and two of large ones therefore depends on other exposures.
 """
 
 from collections.abc import Callable
