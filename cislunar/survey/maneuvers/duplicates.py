@@ -16,13 +16,13 @@ import numpy as np
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.orbit_determination import Angles, OrbitFits
-from cislunar.runtime import Indices
+from cislunar.runtime import Array, Flags, Indices
 from cislunar.survey.maneuvers.lineage import OrbitPaths
 from cislunar.survey.maneuvers.misses import Watch, log_missed
 
 _NEAR, _SIGMAS = 5e-4, 3.0
-"""Orbits are compared whose distance, at the last time and at the last detection of either, is at
-most this, nondimensional, plus this number of their standard deviations."""
+"""Orbits are compared whose distance is at most this, nondimensional, plus this number of standard
+deviations."""
 
 _SOONER_H = 1.0
 """The orbit whose last detection is later by more than this is kept, or the one with more
@@ -72,7 +72,7 @@ def duplicate_orbits(
         # at the last time, and at the last detection of either orbit
         for k in (-1, at[i], at[others]):
             apart = np.linalg.norm(position[others, k] - position[i, k], axis=1)
-            near &= apart <= _NEAR + _SIGMAS * (sigma[others, k] + sigma[i, k])
+            near &= is_near(apart, sigma[others, k] + sigma[i, k])
         for j in others[near].tolist():
             pair = int(which[i]), int(which[j])
             rows = [fits.detections(k) for k in pair]
@@ -93,6 +93,12 @@ def duplicate_orbits(
                 later = rows[0].size - rows[1].size
             dropped.add(pair[1] if later >= 0 else pair[0])
     return np.array(sorted(dropped), dtype=np.int64)
+
+
+def is_near(distance: Array, sigma: Array) -> Flags:
+    """Whether orbits at these distances, with these standard deviations, nondimensional, are
+    compared as possible orbits of one object."""
+    return distance <= _NEAR + _SIGMAS * sigma
 
 
 def _exposures_of(key: Indices, watch: Watch) -> Watch:

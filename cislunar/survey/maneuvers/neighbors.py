@@ -48,6 +48,7 @@ from cislunar.orbit_determination import (
     propagated,
 )
 from cislunar.runtime import Array, Indices
+from cislunar.survey.maneuvers.duplicates import is_near
 
 _NEXT, _LEAST_SHARED = np.deg2rad(0.03), 3
 """Largest separation of two detections in one exposure, and least number of such pairs, for which
@@ -55,11 +56,6 @@ the detections of their orbits are reassigned."""
 
 _GATE = float(chdtri(2, 1e-6))
 """Largest squared normalized offset of a detection from an orbit."""
-
-_NEAR, _SIGMAS = 5e-4, 3.0
-"""The detections of an orbit are compared with the predictions of a group if its distance from one
-of the group, at its epoch, is at most this, nondimensional, plus this number of its standard
-deviations."""
 
 _ROUNDS, _LEAST_ROWS, _LEAST_KEPT = 5, 6, 0.5
 """Largest number of divisions; least number of detections of an orbit, and least share of its
@@ -227,13 +223,13 @@ def _near_predictions(
     fits: OrbitFits, angles: Angles, exposure: Indices, by: Indices, forces: tuple
 ) -> Indices:
     """Pairs (pair, 2) of an orbit of `by` and another one, of which at least three detections are
-    within the gate of the first in exposures without a detection of the first. The first passes the
-    second at its epoch within `_NEAR` and `_SIGMAS` standard deviations of the second."""
+    within the gate of the first in exposures without a detection of the first. At the epoch of the
+    second the first is near it (`is_near`), with the standard deviation of the second."""
     time, at = np.unique(fits.epoch, return_inverse=True)
     state, _ = propagated(fits.state[by], fits.epoch[by], time, forces)
     apart = np.linalg.norm(state[:, at, :3] - fits.state[:, :3], axis=2)
     sigma = np.sqrt(np.trace(fits.covariance[:, :3, :3], axis1=1, axis2=2))
-    near = apart <= _NEAR + _SIGMAS * sigma
+    near = is_near(apart, sigma)
     near[np.arange(by.size), by] = False
     pairs = []
     for k in np.flatnonzero(near.any(axis=0)).tolist():
