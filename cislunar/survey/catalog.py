@@ -107,6 +107,8 @@ class SurveyCatalog:
     orbits : LinkedOrbits or None
         As of the last `link`. Orbits that are superseded or lost are not confirmed. The orbit after
         a maneuver that detections alone do not confirm is confirmed, with its state from both.
+    averaged : OrbitFits or None
+        The same orbits with states and covariances that allow for undetected maneuvers.
     status : tuple of str
         CURRENT, LOST or SUPERSEDED of `cislunar.survey.maneuvers`, of each orbit.
     calibration : ObserverCalibration or None
@@ -147,6 +149,7 @@ class SurveyCatalog:
         self._fields: list[FieldHistory] = []
         self.tracklets: Attributables | None = None
         self.orbits: LinkedOrbits | None = None
+        self.averaged: OrbitFits | None = None
         self._angles: list[Angles] = []
         self._limits: list[Array] = []
         self._area_deg2 = 0.0
@@ -244,7 +247,7 @@ class SurveyCatalog:
             known=self._linked,
         )
         self.status = (CURRENT,) * self._linked.log_ratio.size
-        self.orbits = self._linked
+        self.orbits, averaged = self._linked, None
         remaining = self._remaining
         if remaining is not None:
             self.orbits = self.orbits._replace(
@@ -254,13 +257,14 @@ class SurveyCatalog:
                      "remaining": remaining}  # fmt: skip
         if self.lineage.maneuvers_per_day == 0.0 and self.radiation_sigma > 0.0:
             own, given = np.flatnonzero(self.orbits.confirmed), self.orbits.fits
-            fits, _ = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
-            self.orbits = self.orbits._replace(fits=replaced(given, own, fits))
+            found = maneuvers_within(given.take(own), angles, forces=self.forces, **uncertain)
+            self.orbits = self.orbits._replace(fits=replaced(given, own, found.fits))
         elif self.lineage.maneuvers_per_day > 0.0 and angles.time.size:
-            self.orbits, self.status, self.maneuvers = maneuvered_orbits(
+            self.orbits, averaged, self.status, self.maneuvers = maneuvered_orbits(
                 self.orbits, angles, forces=self.forces, region=self.region, linking=self.linking,
                 **uncertain, watch=self._watch(), fit=self._fit,
             )  # fmt: skip
+        self.averaged = self.orbits.fits if averaged is None else averaged
         self._predicted = None
         steady = self.orbits.confirmed.copy()
         if self.maneuvers is not None:

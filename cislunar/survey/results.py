@@ -5,7 +5,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from cislunar.detection import Detections, Exposures
-from cislunar.orbit_determination import LinkedOrbits
+from cislunar.orbit_determination import LinkedOrbits, OrbitFits
 from cislunar.runtime import Array, Indices
 from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.maneuvers import Lineage
@@ -80,6 +80,8 @@ class SurveyResult(NamedTuple):
         confirmed orbit is right.
     linked : LinkedOrbits
         The catalog itself after the last run of linking, which knows nothing of the objects.
+    averaged : OrbitFits
+        Its orbits with states and covariances that allow for undetected maneuvers.
     characterized : tuple of CharacterizedOrbit or None
         What the light curves of confirmed orbits tell of their objects; None if light curves are
         not used.
@@ -89,4 +91,5 @@ class SurveyResult(NamedTuple):
     orbits: pd.DataFrame
     objects: pd.DataFrame
     linked: LinkedOrbits
+    averaged: OrbitFits
     characterized: tuple[CharacterizedOrbit, ...] | None = None

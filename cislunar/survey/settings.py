@@ -105,7 +105,7 @@ class LineageSettings(Section):
         "maneuvers", "1/day", default=0)
     scales_m_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = setting(
         "standard deviations of a component of a change of velocity, equally probable", "m/s",
-        default=(1, 20, 300))
+        default=(0.1, 1, 20, 300))
     longest_gap_h: Positive = setting(
         "longest time without a detection in which a maneuver is sought", "h", default=48)
     least_probability: number(gt=0.5, lt=1) = setting(

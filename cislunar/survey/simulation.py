@@ -319,7 +319,7 @@ class _Survey:
         origin = np.concatenate(self.origin)
         table = orbit_table(
             orbits, angles, origin, self.world.states, index, scene.step, day, self.forces,
-            self.settings.radiation_sigma,
+            self.settings.radiation_sigma, self.catalog.averaged,
         )  # fmt: skip
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
         right = right_objects(table, self.settings.quality)
@@ -356,9 +356,9 @@ class _Survey:
             {"object": np.arange(first.size), "tracklets": self.tracklets, "detected": first,
              "cataloged": self.cataloged, "outside": self.outside}
         )  # fmt: skip
-        found, orbits = self._characterized(angles, origin, progress), self.catalog.orbits
+        found, catalog = self._characterized(angles, origin, progress), self.catalog
         states, table = pd.DataFrame(self.states), pd.concat(self.orbits, ignore_index=True)
-        return SurveyResult(states, table, objects, orbits, found)
+        return SurveyResult(states, table, objects, catalog.orbits, catalog.averaged, found)
 
     def _characterized(
         self, angles: Angles, origin: Indices, progress: Callable[[int, int], None] | None

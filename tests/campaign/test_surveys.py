@@ -314,7 +314,7 @@ def test_rows_are_those_of_the_days_and_of_the_end():
     days = np.arange(1, 9) * 0.5
     states = pd.DataFrame({"day": days, "right": range(8)})
     objects = pd.DataFrame({"cataloged": [1.0, 3.5, np.inf], "detected": [0.5, 0.25, 0.1]})
-    rows = realization_rows(SurveyResult(states, states, objects, None))
+    rows = realization_rows(SurveyResult(states, states, objects, None, None))
     assert rows["day"].tolist() == [1.0, 3.0, 4.0] and rows["right"].tolist() == [1, 5, 7]
     assert rows["hours_to_catalog"].tolist() == [12.0, 12.0, 45.0]
 

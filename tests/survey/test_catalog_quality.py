@@ -15,6 +15,7 @@ def orbit(confirmed, of, error_km, nees, now_km=5.0, now_nees=6.0, detections=10
         "day": 1.0, "confirmed": confirmed, "verdict": "orbit", "object": of,
         "detections": detections, "right_detections": right, "observers": 3,
         "error_km": error_km, "sigma_km": 1.0, "nees": nees, "now_km": now_km, "now_nees": now_nees,
+        "averaged_nees": min(nees, 12.0),
     }  # fmt: skip
     assert set(row) == set(ORBIT_COLUMNS)
     return row
@@ -45,6 +46,8 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     assert found.purity == pytest.approx(49 / 60)  # of the false orbit none
     assert found.nees == pytest.approx(np.mean([4.0, 8.0, 6000.0, 6.0]))
     assert found.covered == pytest.approx(3 / 4)  # chi squared of six degrees of freedom: 12.6
+    assert found.nees_averaged == pytest.approx(np.mean([4.0, 8.0, 12.0, 6.0]))
+    assert found.covered_averaged == 1.0
     assert found.nees_ballistic == pytest.approx(6.0)
     assert found.nees_now_ballistic == pytest.approx(np.mean([6.0, 10.0, 6.0]))
     # object 2 is farther from its orbit than a right one, and that of object 3 is not confirmed

@@ -113,7 +113,7 @@ def test_the_orbit_after_a_maneuver_replaces_the_one_before():
     angles, fits, _ = arcs((-20.0, 30.0, 5.0))
     given = {"forces": EARTH_MOON, "region": REGION, "linking": LinkingSettings()}
     sure = [True, True, True, False, True]
-    orbits, status, found = maneuvered_orbits(
+    orbits, averaged, status, found = maneuvered_orbits(
         linked(fits, sure), angles, settings=SETTINGS, **given
     )
     assert status[0] == SUPERSEDED and status[3] == CURRENT
@@ -122,9 +122,12 @@ def test_the_orbit_after_a_maneuver_replaces_the_one_before():
     np.testing.assert_array_equal(orbits.fits.state[3], found.state[pair])
     root = orbits.fits.root[3]
     np.testing.assert_allclose(root.T @ root, found.covariance[pair], rtol=1e-9)
+    np.testing.assert_array_equal(averaged.state[3], found.state[pair])
     np.testing.assert_array_equal(orbits.fits.state[2], fits.state[2])
+    own = maneuvers_within(fits, angles, forces=EARTH_MOON, settings=SETTINGS).averaged
+    np.testing.assert_array_equal(averaged.state[2], own.state[2])
     # a candidate whose predecessor is not confirmed stays one
-    orbits, status, found = maneuvered_orbits(
+    orbits, _, status, found = maneuvered_orbits(
         linked(fits, [False, True, True, False, True]), angles, settings=SETTINGS, **given
     )
     assert not orbits.confirmed[3] and status[0] == CURRENT
@@ -170,11 +173,11 @@ def test_orbits_with_divided_detections_are_searched_again_and_the_others_are_no
     angles, both, *_ = mixed_arcs(slice(-3, -1))  # so that their times overlap
     given = {"forces": EARTH_MOON, "settings": SETTINGS}
     sure = linked(both, [True, True, True, False, True])
-    orbits, status, found = maneuvered_orbits(
+    orbits, averaged, status, found = maneuvered_orbits(
         sure, angles, region=REGION, linking=LinkingSettings(), **given
     )
     parts = divided(both, angles, (0, 3), 1e-4, plain_fit(angles), EARTH_MOON)
-    fits, within = maneuvers_within(replaced(both, (0, 3), parts), angles, **given)
+    fits, own, within = maneuvers_within(replaced(both, (0, 3), parts), angles, **given)
     np.testing.assert_array_equal(orbits.fits.row, fits.row)
     expected = lineage(angles, fits)
     np.testing.assert_array_equal(found.before, [*expected.before, *within.before])
@@ -182,12 +185,21 @@ def test_orbits_with_divided_detections_are_searched_again_and_the_others_are_no
     ratio = [*expected.log_ratio, *within.log_ratio]
     np.testing.assert_allclose(found.log_ratio, ratio, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(orbits.fits.state[[1, 2, 4]], fits.state[[1, 2, 4]])
+    np.testing.assert_array_equal(averaged.state[[1, 2, 4]], own.state[[1, 2, 4]])
     assert status[0] == SUPERSEDED and orbits.confirmed[3]
 
 
-def test_nothing_changes_for_objects_that_do_not_maneuver():
+def test_nothing_but_the_averaged_covariances_changes_for_objects_that_do_not_maneuver():
     """A survey with and without assumed maneuvers."""
     off = surveyed()
     on = surveyed(settings=SURVEY.model_copy(update={"lineage": SETTINGS}))
-    assert on.states.equals(off.states) and on.orbits.equals(off.orbits)
+    for one, other in ((on.states, off.states), (on.orbits, off.orbits)):
+        same = [name for name in one if "averaged" not in name]
+        assert one[same].equals(other[same])
     assert off.states["confirmed"].iloc[-1] >= 3
+    assert off.averaged is off.linked.fits
+    spread, least = (
+        np.trace(each.covariance[:, :3, :3], axis1=1, axis2=2)
+        for each in (on.averaged, on.linked.fits)
+    )
+    assert np.all(spread >= least * (1.0 - 1e-9)) and np.any(spread > 1.01 * least)

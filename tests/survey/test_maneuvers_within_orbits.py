@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from maneuvered_arcs import MANEUVER, PROBLEM, SETTINGS, SIGMA, STEP, WHOLE, moved
+from scipy.special import chdtri
 from scipy.stats import multivariate_normal
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
@@ -45,7 +46,7 @@ def test_an_orbit_whose_detections_hide_a_maneuver_has_the_state_after_it():
         moves = seed % 2 == 0
         change, minute = 0.3 * moves * rng.standard_normal(3), rng.uniform(60.0, 480.0)
         angles, fits, truth = whole_arc(change, seed, minute)
-        orbits, found = within(angles, fits, settings)
+        orbits, _, found = within(angles, fits, settings)
         if not found.before.size:
             continue
         assert moves
@@ -59,11 +60,46 @@ def test_an_orbit_whose_detections_hide_a_maneuver_has_the_state_after_it():
     assert 0.5 < np.mean(squared) < 1.6 and np.mean(given) > 20.0 and len(squared) >= 12
 
 
+def test_averaged_orbits_are_consistent_where_decisions_are_not():
+    """Maneuvers of the assumed rate and size, of which many leave no trace in the angles; the
+    arithmetic mean of the normalized error counts."""
+    settings = LineageSettings(maneuvers_per_day=12.0, scales_m_s=(3.0,))
+    rng, decided, averaged = np.random.default_rng(8), [], []
+    for seed in range(200):
+        change = 3.0 * (rng.random() < 0.5) * rng.standard_normal(3)
+        angles, fits, truth = whole_arc(
+            change, seed, rng.uniform(0.0, 120.0), np.arange(0, 121, 20)
+        )
+        orbits = within(angles, fits, settings)
+        for one, out in ((orbits.fits, decided), (orbits.averaged, averaged)):
+            error = one.state[0] - truth
+            out.append(error @ np.linalg.solve(one.covariance[0], error) / 6.0)
+    assert 0.6 < np.mean(averaged) < 1.5 and np.mean(decided) > 20.0
+    assert 0.92 < np.mean(np.array(averaged) <= chdtri(6, 0.05) / 6.0) < 0.99
+
+
+def test_averaged_moments_are_those_of_an_orbit_with_a_maneuver_and_of_one_without():
+    angles, fits, _ = whole_arc((0.25, -0.15, 0.2), 3, 300.0)
+    settings = SETTINGS.model_copy(update={"scales_m_s": (0.5,)})
+    none = within(angles, fits, settings.model_copy(update={"maneuvers_per_day": 0.0}))
+    one = within(angles, fits, settings)
+    uncertain = settings.model_copy(update={"least_probability": 0.5 + 1e-9})
+    p = within(angles, fits, uncertain).lineage.probability[0]
+    assert 0.5 < p < settings.least_probability and one.lineage.before.size == 0
+    state = p * one.fits.state[0] + (1.0 - p) * none.averaged.state[0]
+    second = sum(
+        share * (each.covariance[0] + np.outer(each.state[0] - state, each.state[0] - state))
+        for share, each in ((p, one.fits), (1.0 - p, none.fits))
+    )
+    np.testing.assert_allclose(one.averaged.state[0], state, rtol=0.0, atol=2e-9)
+    np.testing.assert_allclose(one.averaged.covariance[0], second, rtol=1e-4)
+
+
 def test_the_ratio_for_a_maneuver_within_an_orbit_is_that_of_normal_distributions():
     """Densities of the residuals with derivatives by differences, and a wide prior of the state."""
     angles, fits, _ = whole_arc((2.0, -1.0, 3.0), 3, 100.3, np.arange(0, 181, 20))
     settings = SETTINGS.model_copy(update={"scales_m_s": (0.5,), "least_probability": 0.5 + 1e-9})
-    _, found = within(angles, fits, settings)
+    found = within(angles, fits, settings).lineage
     state, epoch = fits.state[0], float(fits.epoch[0])
 
     def offsets(start, impulse=None):

@@ -85,7 +85,7 @@ def test_orbits_with_an_estimated_radiation_pressure_are_consistent(found):
     forces, angles, fits, truth = found
     assert normalized(fits, truth).mean() > 30.0
     given = {"forces": forces, "settings": COASTING}
-    better, none = maneuvers_within(fits, angles, **given, radiation_sigma=DEVIATION)
+    better, _, none = maneuvers_within(fits, angles, **given, radiation_sigma=DEVIATION)
     # the mean of 24 chi-squared variables with six degrees of freedom: 6 +- 0.7
     assert normalized(better, truth).mean() == pytest.approx(6.0, abs=2.1)
     assert none.before.size == 0
@@ -98,7 +98,7 @@ def test_predictions_consider_the_unknown_radiation_pressure(found):
     """Four days after the last detection, against objects with their own radiation pressure."""
     forces, angles, fits, truth = found
     given = {"forces": forces, "settings": COASTING, "radiation_sigma": DEVIATION}
-    better, _ = maneuvers_within(fits, angles, **given)
+    better, _, _ = maneuvers_within(fits, angles, **given)
     end = float(fits.epoch[0])
     times = end + np.array([2.0, 4.0]) * 86_400.0 / TIME_UNIT_S
     then = np.array([
@@ -122,10 +122,12 @@ def test_predictions_consider_the_unknown_radiation_pressure(found):
 def test_nothing_changes_if_the_radiation_pressure_is_known_or_there_is_none(found):
     forces, angles, fits, _ = found
     given = {"settings": COASTING}
-    same, _ = maneuvers_within(fits, angles, forces=forces, **given)
+    same, _, _ = maneuvers_within(fits, angles, forces=forces, **given)
     np.testing.assert_array_equal(same.state, fits.state)
     one = fits.take([0])
-    other, _ = maneuvers_within(one, angles, forces=EARTH_MOON, **given, radiation_sigma=DEVIATION)
+    other, _, _ = maneuvers_within(
+        one, angles, forces=EARTH_MOON, **given, radiation_sigma=DEVIATION
+    )
     np.testing.assert_array_equal(other.state, one.state)
 
 
@@ -263,7 +265,7 @@ def test_an_orbit_that_cannot_be_propagated_does_not_count(found, biased):
     new = considered(lost, remaining, forces=forces)
     np.testing.assert_array_equal(new.covariance[1], lost.covariance[1])
     assert np.all(new.covariance[0] != lost.covariance[0])
-    moved, lineage = maneuvers_within(
+    moved, _, lineage = maneuvers_within(
         lost, used, forces=forces, settings=COASTING, radiation_sigma=DEVIATION
     )
     np.testing.assert_array_equal(moved.covariance[1], lost.covariance[1])

@@ -16,7 +16,8 @@ QUANTITIES = (
     "candidates", "linked_share", "completeness", "completeness_all", "completeness_inside",
     "completeness_outside", "completeness_all_inside", "completeness_all_outside", "purity",
     "wrong_share", "nees", "covered", "completeness_maneuvering", "custody", "in_custody",
-    "nees_now", "nees_ballistic", "nees_now_ballistic", "median_error_km", "error_known_km",
+    "nees_averaged", "covered_averaged", "nees_now", "nees_ballistic", "nees_now_ballistic",
+    "median_error_km", "error_known_km",
     "search_cost", "hours_to_catalog", "undetected", "bright", "period_determined",
     "period_half_width", "period_covered", "amplitude_covered", "area_albedo_covered",
 )  # fmt: skip
@@ -35,6 +36,7 @@ _COUNTS = ("wrong", "false", "duplicate")
 _SHARES = {
     "linked_share": "findable", "completeness": "findable", "custody": "findable",
     "completeness_all": "objects", "wrong_share": "confirmed", "covered": "right",
+    "covered_averaged": "right",
     "period_determined": "bright",
     "period_covered": "determined", "amplitude_covered": "bright", "area_albedo_covered": "bright",
 }  # fmt: skip

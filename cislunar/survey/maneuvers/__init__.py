@@ -11,6 +11,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "misses": ["FieldHistory", "Watch", "log_missed"],
     "neighbors": ["NeighborFits", "divided_neighbors"],
     "status": ["CURRENT", "LOST", "ManeuveredOrbits", "SUPERSEDED", "maneuvered_orbits"],
-    "within": ["maneuvers_within"],
+    "within": ["OrbitsWithManeuvers", "maneuvers_within"],
 })
 # fmt: on

@@ -23,6 +23,7 @@ from cislunar.orbit_determination import (
     agrees,
     concatenate_fits,
     fit_orbits,
+    propagated,
 )
 from cislunar.runtime import Array
 from cislunar.survey.maneuvers.lineage import OrbitPaths
@@ -103,7 +104,7 @@ def divided(
     Returns
     -------
     OrbitFits or None
-        Two fits; None if there is no division that counts.
+        Two fits, each at the time of its last detection; None if there is no division that counts.
     """
     a, b = (fits.take([k]) for k in pair)
     rows = np.union1d(a.row, b.row)
@@ -139,7 +140,25 @@ def divided(
     if best is None:
         return None
     chosen = best[1]
-    return fit([chosen.detections(0), chosen.detections(1)], chosen.state, chosen.epoch)
+    rows = [chosen.detections(0), chosen.detections(1)]
+    return fit_at_last_detection(chosen, angles, rows, fit, forces)
+
+
+def fit_at_last_detection(
+    fits: OrbitFits,
+    angles: Angles,
+    rows: list[NDArray[np.int64]],
+    fit: Callable[[list[NDArray[np.int64]], Array, Array], OrbitFits],
+    forces: tuple,
+) -> OrbitFits:
+    """Fits to other detections (`rows`, of each fit), from the given states; each is at the time of
+    its last detection. `fit` is as for `divided`."""
+    last = np.array([float(angles.time[each[-1]]) for each in rows])
+    starts = [
+        propagated(fits.state[[k]], fits.epoch[[k]], last[[k]], forces)[0][0, 0]
+        for k in range(last.size)
+    ]
+    return fit(rows, np.array(starts).reshape(-1, 6), last)
 
 
 def replaced(fits: OrbitFits, which: ArrayLike, parts: OrbitFits) -> OrbitFits:

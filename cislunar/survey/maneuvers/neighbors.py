@@ -48,6 +48,7 @@ from cislunar.orbit_determination import (
     propagated,
 )
 from cislunar.runtime import Array, Indices
+from cislunar.survey.maneuvers.division import fit_at_last_detection
 from cislunar.survey.maneuvers.duplicates import is_near
 
 _NEXT, _LEAST_SHARED = np.deg2rad(0.03), 3
@@ -261,12 +262,9 @@ def _divided(
         other = [k for k in range(n) if not np.array_equal(own[k], before[k])]
         enough = [k for k in other if own[k].size >= least[k]]
         parts = {k: fits.take([k]) for k in range(n)}
-        last = [float(angles.time[own[k][-1]]) for k in enough]
-        starts = [
-            propagated(fits.state[[k]], fits.epoch[[k]], np.array([time]), forces)[0][0, 0]
-            for k, time in zip(enough, last, strict=True)
-        ]
-        again = fit([own[k] for k in enough], np.array(starts).reshape(-1, 6), np.array(last))
+        again = fit_at_last_detection(
+            fits.take(enough), angles, [own[k] for k in enough], fit, forces
+        )
         parts |= {k: again.take([i]) for i, k in enumerate(enough)}
         for k in sorted(set(other) - set(enough)):
             unknown = np.full((own[k].size, 3), np.nan)

@@ -42,6 +42,9 @@ class ManeuveredOrbits(NamedTuple):
         In the given order. Superseded and lost orbits are not confirmed. An orbit after a maneuver
         is confirmed if the one before it is; if its detections alone do not confirm it, its state
         is that of both orbits.
+    averaged : OrbitFits
+        The orbits with states and covariances that allow for undetected maneuvers
+        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
     status : tuple of str
         CURRENT, LOST or SUPERSEDED.
     lineage : Lineage
@@ -49,6 +52,7 @@ class ManeuveredOrbits(NamedTuple):
     """
 
     orbits: LinkedOrbits
+    averaged: OrbitFits
     status: tuple[str, ...]
     lineage: Lineage
 
@@ -108,7 +112,7 @@ def maneuvered_orbits(
     own, alone, sure = own[left], alone.take(left), sure[left]
     inside = {"forces": forces, "settings": settings, "radiation_sigma": radiation_sigma,
               "remaining": remaining}  # fmt: skip
-    fits, within = maneuvers_within(alone, angles, **inside)
+    fits, averaged, within = maneuvers_within(alone, angles, **inside)
     last = angles.time[fits.row[fits.begin[1:] - 1]]
     now = float(angles.time[-1]) if angles.time.size else 0.0
     if watch is not None and watch.fields.index.size:
@@ -124,8 +128,12 @@ def maneuvered_orbits(
     )
     fits, changed = _divided(fits, angles, found, paths, significance, refit, given)
     if changed.size:
-        parts, again = maneuvers_within(fits.take(changed), angles, **inside)
-        fits, within = replaced(fits, changed, parts), _within_again(within, changed, again)
+        parts = maneuvers_within(fits.take(changed), angles, **inside)
+        fits, averaged = (
+            replaced(fits, changed, parts.fits),
+            replaced(averaged, changed, parts.averaged),
+        )
+        within = _within_again(within, changed, parts.lineage)
         last = angles.time[fits.row[fits.begin[1:] - 1]]
         moved = orbit_paths(fits.take(changed), first, now, forces=forces)
         paths.state[changed], paths.covariance[changed] = moved.state, moved.covariance
@@ -140,9 +148,11 @@ def maneuvered_orbits(
     before, after = own[found.before], own[found.after]
     found = found._replace(before=before, after=after)
     within = within._replace(before=own[within.before], after=own[within.after])
-    all_fits = replaced(linked.fits, own, fits)
     pairs = np.flatnonzero(~linked.confirmed[after])
-    all_fits = all_fits.updated(after[pairs], found.state[pairs], found.covariance[pairs])
+    joint = after[pairs], found.state[pairs], found.covariance[pairs]
+    likeliest, averaged = (
+        replaced(linked.fits, own, each).updated(*joint) for each in (fits, averaged)
+    )
     status[before] = SUPERSEDED
     if watch is not None and own.size:
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
@@ -158,7 +168,8 @@ def maneuvered_orbits(
     confirmed[own] = sure
     confirmed &= status == CURRENT
     return ManeuveredOrbits(
-        linked._replace(fits=all_fits, confirmed=confirmed),
+        linked._replace(fits=likeliest, confirmed=confirmed),
+        averaged,
         tuple(status.tolist()),
         Lineage(*map(np.concatenate, zip(found, within, strict=True))),
     )

@@ -11,9 +11,18 @@ none is
     G = B' Q B,   d = B' Q r,   Q = 1 - A (A' A)^-1 A',
 
 the generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
-21, 108) with a prior. If L exceeds 1, the state is that after a maneuver, with the moments of the
-mixture over times and scales. If the maneuver is certain, another one is sought with the
-derivatives by the most probable one among those of A.
+21, 108) with a prior. The decisions of the catalog use the more probable of both: if L exceeds 1,
+the state is that after a maneuver, with the moments of the mixture over times and scales. The
+published state and covariance average over both, with the probability p = L / (1 + L) of a
+maneuver. With the mean m and the covariance V of the difference that a maneuver makes, and the
+state x and the covariance P without it, they are
+
+    x + p m,   P + p V + p (1 - p) m m'.                                                       (2)
+
+A maneuver shortly before the last detections hardly changes the angles, but the velocity. Without
+the average, the covariance of an orbit with such a maneuver would be too small by orders of
+magnitude. If a maneuver is certain, another one is sought with the derivatives by the most probable
+one among those of A.
 
 If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
 derivative by it, and its prior is a further residual. Covariances consider what remains of the
@@ -27,6 +36,8 @@ Assumptions and limitations
 - Predictions by `cislunar.orbit_determination.orbits_at` have the assumed radiation pressure, and
   the prior variance of its factor, which those of `cislunar.survey.maneuvers.orbit_paths` lack.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit, logsumexp
@@ -52,6 +63,27 @@ _MOST = 4
 """Maneuvers that are sought within an orbit."""
 
 
+class OrbitsWithManeuvers(NamedTuple):
+    """Result of `maneuvers_within`; residuals are those of the given fits.
+
+    Attributes
+    ----------
+    fits : OrbitFits
+        With other states, covariances and roots of the orbits that contain a maneuver with a
+        probability of at least one half, and of all if the radiation pressure is uncertain.
+    averaged : OrbitFits
+        With states, covariances and roots that allow for a further maneuver according to its
+        probability, equation (2).
+    lineage : Lineage
+        Maneuvers of at least `LineageSettings.least_probability`, each of which has the same orbit
+        before and after it.
+    """
+
+    fits: OrbitFits
+    averaged: OrbitFits
+    lineage: Lineage
+
+
 def maneuvers_within(
     fits: OrbitFits,
     angles: Angles,
@@ -60,7 +92,7 @@ def maneuvers_within(
     settings: LineageSettings,
     radiation_sigma: float = 0.0,
     remaining: RemainingErrors | None = None,
-) -> tuple[OrbitFits, Lineage]:
+) -> OrbitsWithManeuvers:
     """Orbits whose states and covariances allow for maneuvers between their detections, and for an
     uncertain radiation pressure.
 
@@ -81,16 +113,11 @@ def maneuvers_within(
 
     Returns
     -------
-    fits : OrbitFits
-        With other states, covariances and roots of the orbits that contain a maneuver with a
-        probability of at least one half, and of all if the radiation pressure is uncertain;
-        residuals are those of the given fits.
-    lineage : Lineage
-        Maneuvers of at least `settings.least_probability`, each of which has the same orbit before
-        and after it.
+    OrbitsWithManeuvers
     """
     rows: list[tuple] = []
     moved: dict[int, tuple[Array, Array]] = {}
+    averaged: dict[int, tuple[Array, Array]] = {}
     for k in range(fits.epoch.size):
         own = angles.rows(fits.detections(k))
         path = observed_path(fits, k, own, forces, radiation_sigma)
@@ -98,6 +125,7 @@ def maneuvers_within(
             continue
         found = _Search(fits, k, path, forces, settings, remaining)
         rows += found.maneuvers()
+        averaged[k] = found.averaged
         if found.moved:
             moved[k] = found.state, found.covariance
     shapes = ((), (), (), (), (), (), (3,), (3, 3), (6,), (6, 6))
@@ -106,9 +134,14 @@ def maneuvers_within(
         *(np.array(each, dtype=np.int64 if c < 2 else float).reshape(-1, *shapes[c])
           for c, each in enumerate(columns))
     )  # fmt: skip
-    if moved:
-        fits = fits.updated(list(moved), *map(np.array, zip(*moved.values(), strict=True)))
-    return fits, lineage
+    return OrbitsWithManeuvers(_updated(fits, moved), _updated(fits, averaged), lineage)
+
+
+def _updated(fits: OrbitFits, found: dict[int, tuple[Array, Array]]) -> OrbitFits:
+    """Fits, some of which have other states and covariances."""
+    if not found:
+        return fits
+    return fits.updated(list(found), *map(np.array, zip(*found.values(), strict=True)))
 
 
 def _inverse(design: Array) -> tuple[Array, Array]:
@@ -119,7 +152,8 @@ def _inverse(design: Array) -> tuple[Array, Array]:
 
 
 class _Search:
-    """Search within one orbit. `state` and `covariance` are those of the mixture so far."""
+    """Search within one orbit. `state` and `covariance` are those with the maneuvers so far, and
+    `averaged` are those of equation (2)."""
 
     def __init__(
         self,
@@ -133,6 +167,7 @@ class _Search:
         self.k, self.settings, self.forces, self.moved = k, settings, forces, False
         self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
         self.state, self.covariance = fits.state[k], fits.covariance[k]
+        self.averaged = self.state, self.covariance
         self.path, self.time, self.remaining = path, path.angles.time, remaining
         root = np.linalg.cholesky(path.angles.covariance)
         white, self.white = np.linalg.solve(root, path.basis), np.linalg.inv(root)
@@ -206,6 +241,7 @@ class _Search:
             self.moved = True
             self.state = given + (inverse @ (q.T @ residual))[:6]
             self.covariance = self._covariance(q, inverse)
+        self.averaged = self.state, self.covariance
         span = self.time[-1] - self.time[0]
         count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
@@ -215,8 +251,6 @@ class _Search:
             left = residual - q @ (q.T @ residual)
             width = span / count
             log_part, *_ = self._integrand(q, left, coarse, self._by_velocity(coarse), width)
-            if logsumexp(log_part) < 0.0:
-                break
             near = coarse[log_part.max(axis=0) >= log_part.max() - _WORTH]
             width /= parts
             offset = width * (np.arange(parts) - 0.5 * (parts - 1))
@@ -224,8 +258,6 @@ class _Search:
             by_velocity = self._by_velocity(time)
             log_part, change, spread, along = self._integrand(q, left, time, by_velocity, width)
             log_ratio = float(logsumexp(log_part))
-            if log_ratio < 0.0:
-                break
             probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
             gain = -(inverse @ along)[:, :6]
             shift, extra = moments(
@@ -233,8 +265,13 @@ class _Search:
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
             )  # fmt: skip
             still = given + (inverse @ (q.T @ residual))[:6]
+            noise = self._covariance(q, inverse)
+            more = extra + (1.0 - probability) * np.outer(shift, shift)
+            self.averaged = still + probability * shift, noise + probability * more
+            if log_ratio < 0.0:
+                break
             self.moved = True
-            self.state, self.covariance = still + shift, self._covariance(q, inverse) + extra
+            self.state, self.covariance = still + shift, noise + extra
             if probability < self.settings.least_probability:
                 break
             at = share.sum(axis=0)

@@ -1,9 +1,9 @@
 """Quality of a catalog against the truth: completeness, purity, wrong orbits and consistency.
 
-Only this module and the simulation of a survey read the origins of detections.
+Only this package and the simulation of a survey read the origins of detections.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,19 +14,16 @@ from scipy.special import chdtri
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
 from cislunar.dynamics import EARTH_MOON
-from cislunar.estimation.light_curves.model_selection import UNKNOWN_BODY, Characterization
-from cislunar.evaluation import characterized_targets, within_intervals
-from cislunar.observation import TargetSurfaces, surfaces_of
 from cislunar.orbit_determination import (
     Angles,
     Attributables,
     LinkedOrbits,
+    OrbitFits,
     OrbitStates,
     orbits_at,
     squared_distances,
 )
 from cislunar.runtime import Array, Flags, Indices
-from cislunar.survey.characterization import CharacterizedOrbit
 from cislunar.survey.settings import QualitySettings
 
 _LARGEST_NEES = float(chdtri(6, 0.05))
@@ -34,7 +31,7 @@ _LARGEST_NEES = float(chdtri(6, 0.05))
 
 ORBIT_COLUMNS = (
     "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
-    "error_km", "sigma_km", "nees", "now_km", "now_nees",
+    "error_km", "sigma_km", "nees", "now_km", "now_nees", "averaged_nees",
 )  # fmt: skip
 
 
@@ -71,6 +68,9 @@ class CatalogState(NamedTuple):
         if consistent.
     covered : float
         Share of them whose true state is within the region of 95 % of their covariance.
+    nees_averaged, covered_averaged : float
+        `nees` and `covered` by states and covariances that allow for undetected maneuvers
+        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
     median_error_km : float
         Median position error of the right confirmed orbits and of duplicates.
     completeness_maneuvering : float
@@ -109,6 +109,8 @@ class CatalogState(NamedTuple):
     purity: float
     nees: float
     covered: float
+    nees_averaged: float
+    covered_averaged: float
     median_error_km: float
     completeness_maneuvering: float
     custody: float
@@ -128,6 +130,7 @@ def orbit_table(
     day: float,
     forces: tuple = EARTH_MOON,
     radiation_sigma: float = 0.0,
+    averaged: OrbitFits | None = None,
 ) -> pd.DataFrame:
     """Linked orbits and the objects that they are of.
 
@@ -151,6 +154,9 @@ def orbit_table(
         Assumed force model, by which confirmed orbits are propagated to the time of the table.
     radiation_sigma : float
         Assumed standard deviation of the factor of the radiation pressure on an object.
+    averaged : OrbitFits, optional
+        The same orbits with states and covariances that allow for undetected maneuvers; those of
+        `orbits` if omitted.
 
     Returns
     -------
@@ -160,34 +166,36 @@ def orbit_table(
         detections, `object` is the first of them, and all errors are NaN.
     """
     given, rows, fits = np.asarray(origin), [], orbits.fits
+    averaged = fits if averaged is None else averaged
     confirmed = np.flatnonzero(orbits.confirmed)
     starts = OrbitStates.of(fits.take(confirmed))
     moved, kept = orbits_at(starts, last * step, forces, radiation_sigma)
     present = dict(
         zip(confirmed[kept].tolist(), zip(moved.state, moved.covariance, strict=True), strict=True)
     )
-    owners = [_owner(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
+    owners = [owner_of(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
     real = [k for k, (main, _, alone) in enumerate(owners) if alone and main != FALSE_ALARM]
     of = np.array([owners[k][0] for k in real], dtype=np.int64)
     then = truth(of, np.rint(fits.epoch[real] / step).astype(np.int64))
     true = dict(zip(real, zip(then, truth(of, np.full(of.size, last)), strict=True), strict=True))
     for k, (main, right, _) in enumerate(owners):
         own = orbits.detections(k)
-        error = nees = now_km = now_nees = np.nan
-        covariance = orbits.fits.covariance[k]
+        error = nees = now_km = now_nees = averaged_nees = np.nan
+        covariance = fits.covariance[k]
         if k in true:
-            miss = true[k][0] - orbits.fits.state[k]
+            miss = true[k][0] - fits.state[k]
             error = float(np.linalg.norm(miss[:3])) * LENGTH_UNIT_KM
-            nees = float(squared_distances(miss[None], covariance[None])[0])
+            nees = _nees(miss, covariance)
+            averaged_nees = _nees(true[k][0] - averaged.state[k], averaged.covariance[k])
             if k in present:
                 off = true[k][1] - present[k][0]
                 now_km = float(np.linalg.norm(off[:3])) * LENGTH_UNIT_KM
-                now_nees = float(squared_distances(off[None], present[k][1][None])[0])
+                now_nees = _nees(off, present[k][1])
         sigma = float(np.sqrt(np.trace(covariance[:3, :3]))) * LENGTH_UNIT_KM
         rows.append(
             (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, right,
              np.unique(angles.observer[own]).size, error, sigma, nees,
-             now_km, now_nees)
+             now_km, now_nees, averaged_nees)
         )  # fmt: skip
     # with the types of the columns, if there are no orbits
     return pd.DataFrame(rows, columns=list(ORBIT_COLUMNS)).astype(
@@ -195,7 +203,11 @@ def orbit_table(
     )
 
 
-def _owner(origin: Indices) -> tuple[int, int, bool]:
+def _nees(miss: Array, covariance: Array) -> float:
+    return float(squared_distances(miss[None], covariance[None])[0])
+
+
+def owner_of(origin: Indices) -> tuple[int, int, bool]:
     """The object, or `FALSE_ALARM`, that most detections of an orbit are of, their number, and
     whether there is one such object."""
     names, counts = np.unique(origin, return_counts=True)
@@ -298,103 +310,22 @@ def catalog_state(
         completeness_all_inside=shares[1][1],
         completeness_all_outside=shares[2][1],
         purity=share(real["right_detections"].sum(), total),
-        nees=_mean(good["nees"]),
+        nees=mean_of(good["nees"]),
         covered=share((good["nees"] <= _LARGEST_NEES).sum(), len(good)),
+        nees_averaged=mean_of(good["averaged_nees"]),
+        covered_averaged=share((good["averaged_nees"] <= _LARGEST_NEES).sum(), len(good)),
         median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),
         completeness_maneuvering=completeness(moved)[0],
         custody=share((kept & findable).sum(), findable.sum()),
-        nees_now=_mean(present["now_nees"]),
-        nees_ballistic=_mean(good["nees"][~moved[good["object"].to_numpy(dtype=np.int64)]]),
-        nees_now_ballistic=_mean(
+        nees_now=mean_of(present["now_nees"]),
+        nees_ballistic=mean_of(good["nees"][~moved[good["object"].to_numpy(dtype=np.int64)]]),
+        nees_now_ballistic=mean_of(
             present["now_nees"][~moved[present["object"].to_numpy(dtype=np.int64)]]
         ),
-        error_known_km=float(np.exp(_mean(np.log(error)))),
+        error_known_km=float(np.exp(mean_of(np.log(error)))),
     )
 
 
-class CharacterizationQuality(NamedTuple):
-    """Characterized orbits against the truth. Shares are NaN if there is nothing to divide by.
-
-    Attributes
-    ----------
-    bright : int
-        Characterized orbits, which are of objects that are bright enough.
-    determined : int
-        Those of them whose spin period is determined.
-    period_determined : float
-        Their share.
-    period_half_width : float
-        Median half width of the interval of the logarithm of a determined period.
-    period_covered : float
-        Share of the determined periods whose interval contains the true one.
-    amplitude_covered, area_albedo_covered : float
-        Share of the characterized orbits whose interval contains the true amplitude, and the true
-        area times albedo.
-    """
-
-    bright: int
-    determined: int
-    period_determined: float
-    period_half_width: float
-    period_covered: float
-    amplitude_covered: float
-    area_albedo_covered: float
-
-
-def characterization_quality(
-    found: Sequence[CharacterizedOrbit],
-    origin: ArrayLike,
-    attitude: Array,
-    first_attitude: Array,
-    first_rate: Array,
-    surfaces: TargetSurfaces,
-) -> CharacterizationQuality:
-    """Characterized orbits against the truth.
-
-    Parameters
-    ----------
-    found : sequence of CharacterizedOrbit
-    origin : array_like of int, shape (row,)
-        Object of each detection, or `FALSE_ALARM`.
-    attitude : ndarray, shape (row, 4)
-        True attitude at each detection, inertial frame to body frame; NaN for false alarms.
-    first_attitude, first_rate : ndarray, shapes (object, 4) and (object, 3)
-        True attitudes and angular velocities (rad/s, body frame) at the start.
-    surfaces : TargetSurfaces
-        True bodies.
-    """
-    given, real, objects, curves, true, stated = np.asarray(origin), [], [], [], [], []
-    for each in found:
-        main = _owner(given[each.row])[0]
-        if main == FALSE_ALARM:
-            continue
-        own = given[each.row] == main
-        real.append(each)
-        objects.append(main)
-        curves.append(each.light_curve[own])
-        true.append(attitude[each.row[own]])
-        values = each.spin_period_h, np.full(3, np.nan), 180.0, each.amplitude_mag
-        stated.append(Characterization(*values, each.area_albedo_m2, UNKNOWN_BODY))
-    of = np.array(objects, dtype=np.int64)
-    if of.size == 0:
-        return CharacterizationQuality(len(found), 0, *(float("nan"),) * 5)
-    compared = characterized_targets(
-        stated, curves, true, first_attitude[of], first_rate[of], surfaces_of(surfaces, of)
-    )
-    inside = within_intervals(compared)
-    determined = np.array([each.determined for each in real])
-    period = compared.spin_period[determined]
-    half = 0.5 * np.log(period[:, 2] / period[:, 1])
-    return CharacterizationQuality(
-        bright=len(found),
-        determined=int(determined.sum()),
-        period_determined=float(determined.sum() / len(found)),
-        period_half_width=float(np.median(half)) if half.size else float("nan"),
-        period_covered=_mean(pd.Series(inside["spin_period"][determined].astype(float))),
-        amplitude_covered=float(inside["amplitude"].mean()),
-        area_albedo_covered=float(inside["area_albedo"].mean()),
-    )
-
-
-def _mean(values: pd.Series) -> float:
+def mean_of(values: pd.Series) -> float:
+    """The mean; NaN of nothing."""
     return float(values.mean()) if len(values) else float("nan")
