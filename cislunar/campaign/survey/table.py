@@ -113,8 +113,12 @@ def catalog_rows(
         found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
         for day, own in found.groupby(found["day"].round(6), sort=True):
             for quantity in QUANTITIES:
+                # where no survey has maneuvers it is the same as that of all objects
                 if quantity not in own or (quantity.endswith("_ballistic") and not moved):
-                    continue  # where no survey has maneuvers it is the same as that of all objects
+                    continue
+                # without an assumed maneuver there is nothing to average over
+                if quantity.endswith("_averaged") and survey.lineage.maneuvers_per_day == 0.0:
+                    continue
                 values = own[quantity].to_numpy(dtype=float)
                 values = values[np.isfinite(values)]
                 if values.size == 0:

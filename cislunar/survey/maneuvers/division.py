@@ -151,8 +151,8 @@ def fit_at_last_detection(
     fit: Callable[[list[NDArray[np.int64]], Array, Array], OrbitFits],
     forces: tuple,
 ) -> OrbitFits:
-    """Fits to other detections (`rows`, of each fit), from the given states; each is at the time of
-    its last detection. `fit` is as for `divided`."""
+    """Fits to detections (`rows`, of each fit), started from given ones; each is at the time of its
+    last detection. `fit` is as for `divided`."""
     last = np.array([float(angles.time[each[-1]]) for each in rows])
     starts = [
         propagated(fits.state[[k]], fits.epoch[[k]], last[[k]], forces)[0][0, 0]

@@ -44,7 +44,8 @@ class ManeuveredOrbits(NamedTuple):
         is that of both orbits.
     averaged : OrbitFits
         The orbits with states and covariances that allow for undetected maneuvers
-        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
+        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`), except for orbits whose state is that of
+        both, which are the same as in `orbits`.
     status : tuple of str
         CURRENT, LOST or SUPERSEDED.
     lineage : Lineage

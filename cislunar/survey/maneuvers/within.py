@@ -11,18 +11,18 @@ none is
     G = B' Q B,   d = B' Q r,   Q = 1 - A (A' A)^-1 A',
 
 the generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
-21, 108) with a prior. The decisions of the catalog use the more probable of both: if L exceeds 1,
-the state is that after a maneuver, with the moments of the mixture over times and scales. The
-published state and covariance average over both, with the probability p = L / (1 + L) of a
-maneuver. With the mean m and the covariance V of the difference that a maneuver makes, and the
-state x and the covariance P without it, they are
+21, 108) with a prior. The decisions of the catalog use the more probable of the two: if L exceeds
+1, the state is that after a maneuver, with the moments of the mixture over times and scales. A
+second state and covariance average over both, with the probability p = L / (1 + L) of a maneuver.
+With the mean m and the covariance V of the difference that a maneuver makes, and the state x and
+the covariance P without it, they are
 
     x + p m,   P + p V + p (1 - p) m m'.                                                       (2)
 
-A maneuver shortly before the last detections hardly changes the angles, but the velocity. Without
-the average, the covariance of an orbit with such a maneuver would be too small by orders of
-magnitude. If a maneuver is certain, another one is sought with the derivatives by the most probable
-one among those of A.
+A maneuver shortly before the last detections hardly changes the angles, but it changes the
+velocity. Without the average, the covariance of an orbit with such a maneuver is too small by
+orders of magnitude. If a maneuver is certain, another one is sought with the derivatives by the
+most probable one among those of A; x and P are then those of the mixture of the former ones.
 
 If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
 derivative by it, and its prior is a further residual. Covariances consider what remains of the
@@ -33,6 +33,8 @@ Assumptions and limitations
 - A maneuver is an impulse.
 - Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
   them.
+- Equation (2) is dominated by large impulses of small probability shortly before the last
+  detection, so that the distribution has longer tails than a normal one of its covariance.
 - Predictions by `cislunar.orbit_determination.orbits_at` have the assumed radiation pressure, and
   the prior variance of its factor, which those of `cislunar.survey.maneuvers.orbit_paths` lack.
 """
@@ -40,6 +42,7 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import expit, logsumexp
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
@@ -51,16 +54,17 @@ from cislunar.survey.maneuvers.lineage import Lineage
 from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_path
 from cislunar.survey.settings import LineageSettings
 
-_COARSE_S, _FINE_S, _WORTH = 900.0, 60.0, 20.0
+_COARSE_S, _FINE_S, _WORTH, _HALVINGS = 900.0, 60.0, 12.0, 8
 """Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of
-the integrand is at most `_WORTH` below the largest."""
+the integrand is at most `_WORTH` below the largest. The last one before the last detection is
+halved so often, since the velocity after a large impulse there is hardly known."""
 
 _AT_ONCE = 30000
 """Components of residuals, times moments of impulses, whose derivatives are held at once: as many
 as the cache of a processor holds."""
 
 _MOST = 4
-"""Maneuvers that are sought within an orbit."""
+"""Maneuvers that are sought within an orbit; after the last of these no further one counts."""
 
 
 class OrbitsWithManeuvers(NamedTuple):
@@ -144,6 +148,20 @@ def _updated(fits: OrbitFits, found: dict[int, tuple[Array, Array]]) -> OrbitFit
     return fits.updated(list(found), *map(np.array, zip(*found.values(), strict=True)))
 
 
+def _fine(near: Array, width: float, parts: int, to_the_end: bool) -> tuple[Array, Array]:
+    """Middles and widths of the parts of intervals with the middles `near`; if the last one ends at
+    the last detection, with halved parts next to it."""
+    offset = width / parts * (np.arange(parts) - 0.5 * (parts - 1))
+    time = (near[:, None] + offset).ravel()
+    widths = np.full(time.size, width / parts)
+    if to_the_end:
+        left = np.append(widths[-1] * 0.5 ** np.arange(_HALVINGS + 1), 0.0)
+        end = time[-1] + 0.5 * widths[-1]
+        time = np.concatenate([time[:-1], end - 0.5 * (left[:-1] + left[1:])])
+        widths = np.concatenate([widths[:-1], -np.diff(left)])
+    return time, widths
+
+
 def _inverse(design: Array) -> tuple[Array, Array]:
     """An orthonormal basis q of the columns of a matrix, and the inverse of q' design."""
     length = np.linalg.norm(design, axis=0)
@@ -193,7 +211,7 @@ class _Search:
         return shift.reshape(-1, 3, time.size) * of_time[:, None]
 
     def _integrand(
-        self, q: Array, left: Array, time: Array, by_velocity: Array, width: float
+        self, q: Array, left: Array, time: Array, by_velocity: Array, width: ArrayLike
     ) -> tuple[Array, Array, Array, Array]:
         """Logarithms (scale, time) of the parts of equation (1), changes of velocity with their
         covariances, and products (time, basis, 3) of `q` with impulses; `q` is an orthonormal basis
@@ -251,10 +269,8 @@ class _Search:
             left = residual - q @ (q.T @ residual)
             width = span / count
             log_part, *_ = self._integrand(q, left, coarse, self._by_velocity(coarse), width)
-            near = coarse[log_part.max(axis=0) >= log_part.max() - _WORTH]
-            width /= parts
-            offset = width * (np.arange(parts) - 0.5 * (parts - 1))
-            time = (near[:, None] + offset).ravel()
+            near = log_part.max(axis=0) >= log_part.max() - _WORTH
+            time, width = _fine(coarse[near], width, parts, bool(near[-1]))
             by_velocity = self._by_velocity(time)
             log_part, change, spread, along = self._integrand(q, left, time, by_velocity, width)
             log_ratio = float(logsumexp(log_part))
@@ -265,18 +281,19 @@ class _Search:
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
             )  # fmt: skip
             still = given + (inverse @ (q.T @ residual))[:6]
-            noise = self._covariance(q, inverse)
+            if not rows:
+                self.state, self.covariance = still, self._covariance(q, inverse)
             more = extra + (1.0 - probability) * np.outer(shift, shift)
-            self.averaged = still + probability * shift, noise + probability * more
+            self.averaged = self.state + probability * shift, self.covariance + probability * more
             if log_ratio < 0.0:
                 break
             self.moved = True
-            self.state, self.covariance = still + shift, noise + extra
+            self.state, self.covariance = self.state + shift, self.covariance + extra
             if probability < self.settings.least_probability:
                 break
             at = share.sum(axis=0)
             when = float(at @ time)
-            variance = float(at @ (time - when) ** 2) + width**2 / 12.0
+            variance = float(at @ ((time - when) ** 2 + width**2 / 12.0))
             velocity, between = moments(
                 share.ravel(), change.reshape(-1, 3), spread.reshape(-1, 3, 3)
             )

@@ -69,8 +69,8 @@ class CatalogState(NamedTuple):
     covered : float
         Share of them whose true state is within the region of 95 % of their covariance.
     nees_averaged, covered_averaged : float
-        `nees` and `covered` by states and covariances that allow for undetected maneuvers
-        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
+        `nees` and `covered`, of the same orbits, by states and covariances that allow for
+        undetected maneuvers (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
     median_error_km : float
         Median position error of the right confirmed orbits and of duplicates.
     completeness_maneuvering : float
