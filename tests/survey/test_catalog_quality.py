@@ -67,19 +67,25 @@ def test_an_orbit_of_several_objects_with_equally_many_detections_is_wrong():
     last = round(float(fits.epoch[1]) / STEP)
     states = np.array([truth[0], truth[1], truth[1]])
 
+    def table_of(averaged=None):
+        return orbit_table(
+            linked(fits, [True, True]), angles, origin, lambda of, index: states[of], last, STEP,
+            0.1, averaged=averaged,
+        )  # fmt: skip
+
     def quality():
-        table = orbit_table(
-            linked(fits, [True, True]),
-            angles,
-            origin,
-            lambda of, index: states[of],
-            last,
-            STEP,
-            0.1,
-        )
+        table = table_of()
         return catalog_state(table, origin, np.full(3, 3), QualitySettings())
 
     # 20 and 19 of 39 detections
     assert second.size % 2 == 1 and (quality().right, quality().wrong) == (2, 0)
     origin[second[-1]] = FALSE_ALARM
     assert (quality().right, quality().wrong) == (1, 1)
+
+    # normalized errors by the second state and covariance
+    alone = table_of()
+    assert alone["averaged_nees"].equals(alone["nees"])
+    miss = states[0] - fits.state[0]
+    wider = fits.updated([0], fits.state[[0]] + 0.5 * miss, 4.0 * fits.covariance[[0]])
+    ratio = table_of(wider)["averaged_nees"][0] / alone["nees"][0]
+    assert ratio == pytest.approx(1.0 / 16.0)

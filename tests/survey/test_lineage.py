@@ -9,7 +9,7 @@ from test_survey import surveyed
 
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, VELOCITY_UNIT_M_S, propagate_stm
-from cislunar.orbit_determination import LinkingSettings, fit_orbits
+from cislunar.orbit_determination import LinkingSettings, fit_orbits, refit_at
 from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import (
     CURRENT,
@@ -167,6 +167,13 @@ def test_the_detections_of_overlapping_orbits_are_divided_at_the_maneuver():
             totals[k] = one.chi_squared.sum()
     assert parts.chi_squared.sum() <= min(totals.values()) * (1.0 + 1e-6)
 
+    # each at the time of its last detection, whatever that of the given orbits
+    elsewhere = refit_at(both, angles, both.epoch + 20.0 * STEP)
+    parts = divided(elsewhere, angles, (0, 3), 1e-4, fit, EARTH_MOON)
+    last = angles.time[parts.row[parts.begin[1:] - 1]]
+    np.testing.assert_array_equal(parts.epoch, last)
+    assert np.all(np.abs(elsewhere.epoch[[0, 3]] - last) > 5.0 * STEP)
+
 
 def test_orbits_with_divided_detections_are_searched_again_and_the_others_are_not():
     """Against a search of all orbits with the divided detections."""
@@ -185,7 +192,10 @@ def test_orbits_with_divided_detections_are_searched_again_and_the_others_are_no
     ratio = [*expected.log_ratio, *within.log_ratio]
     np.testing.assert_allclose(found.log_ratio, ratio, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(orbits.fits.state[[1, 2, 4]], fits.state[[1, 2, 4]])
-    np.testing.assert_array_equal(averaged.state[[1, 2, 4]], own.state[[1, 2, 4]])
+    # orbit 3 has the state of both
+    np.testing.assert_array_equal(averaged.row, fits.row)
+    np.testing.assert_array_equal(averaged.state[[0, 1, 2, 4]], own.state[[0, 1, 2, 4]])
+    assert not np.array_equal(averaged.covariance[0], orbits.fits.covariance[0])
     assert status[0] == SUPERSEDED and orbits.confirmed[3]
 
 

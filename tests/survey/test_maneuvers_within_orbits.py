@@ -11,6 +11,7 @@ from cislunar.dynamics import EARTH_MOON, VELOCITY_UNIT_M_S, propagate, propagat
 from cislunar.orbit_determination import fit_orbits, make_angles
 from cislunar.survey import LineageSettings
 from cislunar.survey.maneuvers import maneuvers_within
+from cislunar.survey.maneuvers import within as module
 
 
 def whole_arc(change_m_s, seed, maneuver=MANEUVER, minutes=WHOLE):
@@ -93,6 +94,28 @@ def test_averaged_moments_are_those_of_an_orbit_with_a_maneuver_and_of_one_witho
     )
     np.testing.assert_allclose(one.averaged.state[0], state, rtol=0.0, atol=2e-9)
     np.testing.assert_allclose(one.averaged.covariance[0], second, rtol=1e-4)
+
+
+def test_the_average_keeps_the_uncertainty_of_a_certain_maneuver():
+    """Its time and size are uncertain, since there are no detections for hours."""
+    minutes = np.concatenate([np.arange(0, 121, 10), np.arange(400, 521, 10)])
+    angles, fits, _ = whole_arc((0.6, -0.5, 0.4), 5, 250.0, minutes)
+    orbits = within(angles, fits, SETTINGS.model_copy(update={"scales_m_s": (1.0,)}))
+    assert orbits.lineage.before.size == 1
+    root = np.linalg.inv(np.linalg.cholesky(orbits.fits.covariance[0]))
+    assert np.linalg.eigvalsh(root @ orbits.averaged.covariance[0] @ root.T)[0] > 1.0 - 1e-6
+
+
+def test_averaged_covariances_resolve_the_time_next_to_the_last_detection(monkeypatch):
+    """Against equal intervals of a second."""
+    angles, fits, _ = whole_arc((0.0, 0.0, 0.0), 3)
+    found = within(angles, fits).averaged
+    monkeypatch.setattr(module, "_FINE_S", 1.0)
+    monkeypatch.setattr(module, "_HALVINGS", 0)
+    expected = within(angles, fits).averaged
+    spread, true = (np.diag(each.covariance[0])[3:].sum() for each in (found, expected))
+    assert spread == pytest.approx(true, rel=0.05)
+    assert true > 100.0 * np.diag(fits.covariance[0])[3:].sum()
 
 
 def test_the_ratio_for_a_maneuver_within_an_orbit_is_that_of_normal_distributions():
