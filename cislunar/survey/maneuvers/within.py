@@ -1,28 +1,30 @@
 """Maneuvers within the detections of an orbit, and its radiation pressure.
 
 One fit may agree with the detections on both sides of a small maneuver: its bias is significant
-against the covariance of the orbit long before chi squared of all detections is. About a fit, let r
-be the standardized residuals, A their derivatives by the state at the epoch, and B(t) those by an
-impulse at the time t before it. With the rate of maneuvers and the normal prior of changes of
-velocity of `cislunar.survey.maneuvers.lineage`, the ratio of the likelihoods of one maneuver and of
-none is
+against the covariance of the orbit long before chi squared of all detections is. For a fit, let r
+be the standardized residuals, A their derivatives with respect to the state at the epoch, and B(t)
+those with respect to an impulse at a time t before the epoch. With the rate of maneuvers and the
+normal prior of changes of velocity of `cislunar.survey.maneuvers.lineage`, the odds of one maneuver
+to none are
 
-    L = rate int mean over s of |1 + s^2 G|^(-1/2) exp(d' (G + s^-2)^-1 d / 2) dt,             (1)
-    G = B' Q B,   d = B' Q r,   Q = 1 - A (A' A)^-1 A',
+    L = rate int mean over s of |1 + s^2 G|^(-1/2) exp(d' (G + s^-2 1)^-1 d / 2) dt,           (1)
+    G = B' Q B,   d = B' Q r,   Q = 1 - A (A' A)^-1 A'.
 
-the generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
-21, 108) with a prior. The decisions of the catalog use the more probable of the two: if L exceeds
-1, the state is that after a maneuver, with the moments of the mixture over times and scales. A
-second state and covariance average over both, with the probability p = L / (1 + L) of a maneuver.
-With the mean m and the covariance V of the difference that a maneuver makes, and the state x and
-the covariance P without it, they are
+The generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
+21, 108) maximizes over time and impulse instead of integrating over a prior. The decisions of the
+catalog use the more probable of the two: if L exceeds 1, the state is that after a maneuver, with
+the moments of the mixture over times and scales. A second state and covariance average over both,
+with the probability p = L / (1 + L) of a maneuver. With the mean m and the covariance V of the
+difference that a maneuver makes, and the state x and the covariance P without it, they are
 
     x + p m,   P + p V + p (1 - p) m m'.                                                       (2)
 
 A maneuver shortly before the last detections hardly changes the angles, but it changes the
-velocity. Without the average, the covariance of an orbit with such a maneuver is too small by
-orders of magnitude. If a maneuver is certain, another one is sought with the derivatives by the
-most probable one among those of A; x and P are then those of the mixture of the former ones.
+velocity. If it is not detected, the first covariance can be too small by orders of magnitude. The
+averaged one is larger, but may still be too small. If the probability of a maneuver is at least
+`LineageSettings.least_probability`, a further one is sought, up to a total of four. The derivatives
+with respect to the most probable impulse are then appended to A, and x and P include the maneuvers
+found before.
 
 If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
 derivative by it, and its prior is a further residual. Covariances consider what remains of the
@@ -76,8 +78,8 @@ class OrbitsWithManeuvers(NamedTuple):
         With other states, covariances and roots of the orbits that contain a maneuver with a
         probability of at least one half, and of all if the radiation pressure is uncertain.
     averaged : OrbitFits
-        With states, covariances and roots that allow for a further maneuver according to its
-        probability, equation (2).
+        With states, covariances and roots that allow for a maneuver beside those of `lineage`
+        according to its probability, equation (2).
     lineage : Lineage
         Maneuvers of at least `LineageSettings.least_probability`, each of which has the same orbit
         before and after it.
