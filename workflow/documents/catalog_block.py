@@ -81,10 +81,10 @@ _COLUMNS = {
         Column("Coverage of the 95 % region (%)", "covered", ".1f", 100.0,
                terms="Coverage is the share of the right orbits whose 95 % covariance ellipsoid "
                "contains the true state at the last detection."),
-        Column("NEES, undetected maneuvers considered", "nees_averaged", ".3g",
-               terms="Undetected maneuvers are considered by states and covariances that are "
-               "averaged over orbits with and without a further maneuver, by their probabilities."),
-        Column("Coverage, undetected maneuvers considered (%)", "covered_averaged", ".1f", 100.0),
+        Column("NEES, averaged state and covariance", "nees_averaged", ".3g",
+               terms="Averaged states and covariances are those of a mixture of two hypotheses, "
+               "that the object made an undetected maneuver and that it made none."),
+        Column("Coverage, averaged state and covariance (%)", "covered_averaged", ".1f", 100.0),
         Column("NEES, unmaneuvered objects", "nees_ballistic", ".3g",
                terms="Unmaneuvered objects have not maneuvered before the end of the stated days."),
         Column("Predicted NEES, unmaneuvered objects", "nees_now_ballistic", ".3g",
