@@ -187,7 +187,6 @@ class _Search:
         self.k, self.settings, self.forces, self.moved = k, settings, forces, False
         self.start, self.epoch = fits.state[[k]], fits.epoch[[k]]
         self.state, self.covariance = fits.state[k], fits.covariance[k]
-        self.averaged = self.state, self.covariance
         self.path, self.time, self.remaining = path, path.angles.time, remaining
         root = np.linalg.cholesky(path.angles.covariance)
         white, self.white = np.linalg.solve(root, path.basis), np.linalg.inv(root)
@@ -253,21 +252,21 @@ class _Search:
     def maneuvers(self) -> list[tuple]:
         """Rows of a `Lineage`; changes the state and the covariance."""
         rows: list[tuple] = []
-        given, design, residual = self.state, self.by_state.reshape(-1, 6), self.residual
+        design, residual = self.by_state.reshape(-1, 6), self.residual
         if self.by_factor.size:
             design = np.block([[design, self.by_factor], [np.zeros((1, 6)), np.ones((1, 1))]])
             residual = np.append(residual, 0.0)
-            q, inverse = _inverse(design)
             self.moved = True
-            self.state = given + (inverse @ (q.T @ residual))[:6]
+        span = self.time[-1] - self.time[0]
+        count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S)) if self.rate > 0.0 else 0
+        if self.moved or count:
+            q, inverse = _inverse(design)
+            self.state = self.state + (inverse @ (q.T @ residual))[:6]
             self.covariance = self._covariance(q, inverse)
         self.averaged = self.state, self.covariance
-        span = self.time[-1] - self.time[0]
-        count = int(np.ceil(span * TIME_UNIT_S / _COARSE_S))
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
-        while count and self.rate > 0.0 and len(rows) < _MOST:
-            q, inverse = _inverse(design)
+        while count and len(rows) < _MOST:
             left = residual - q @ (q.T @ residual)
             width = span / count
             log_part, *_ = self._integrand(q, left, coarse, self._by_velocity(coarse), width)
@@ -282,9 +281,6 @@ class _Search:
                 share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
             )  # fmt: skip
-            still = given + (inverse @ (q.T @ residual))[:6]
-            if not rows:
-                self.state, self.covariance = still, self._covariance(q, inverse)
             more = extra + (1.0 - probability) * np.outer(shift, shift)
             self.averaged = self.state + probability * shift, self.covariance + probability * more
             if log_ratio < 0.0:
@@ -313,4 +309,5 @@ class _Search:
             prior = np.eye(3, n + 3, n) / self.scales[scale]
             design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])
             residual = np.concatenate([residual, np.zeros(3)])
+            q, inverse = _inverse(design)
         return rows
