@@ -167,15 +167,15 @@ def make_angles(
     Raises
     ------
     ConfigurationError
-        If the shape of `time`, `observer`, `observer_position` or `direction` is wrong, a value of
-        these or of `sigma_rad` is not finite, a direction has no length, a standard deviation is
-        not positive, or the times decrease.
+        If the shape of an argument is wrong, a value other than a magnitude or a position of the
+        Sun is not finite, a direction has no length, a standard deviation is not positive, or the
+        times decrease.
     """
     times = array_of("time", time, ("row",))
     n = times.size
     vectors = array_of("direction", direction, (n, 3))
     length = np.linalg.norm(vectors, axis=1)
-    sigma = array_of("sigma_rad", sigma_rad) * np.ones(n)
+    sigma = _of_rows("sigma_rad", sigma_rad, n, finite=True)
     owner = np.asarray(observer)
     if owner.shape != (n,) or owner.dtype.kind not in "iu":
         raise ConfigurationError(f"observer has shape {owner.shape}; give {n} whole numbers")
@@ -191,11 +191,19 @@ def make_angles(
         unit,
         tangent_basis(unit),
         sigma[:, None, None] ** 2 * np.eye(2),
-        array_of("magnitude", magnitude, finite=False) * np.ones(n),
-        array_of("magnitude_sigma", magnitude_sigma, finite=False) ** 2 * np.ones(n),
-        array_of("sun", sun, finite=False) * np.ones((n, 3)),
+        _of_rows("magnitude", magnitude, n),
+        _of_rows("magnitude_sigma", magnitude_sigma, n) ** 2,
+        _of_rows("sun", sun, n, 3),
         np.zeros((n, 3)),
         1.0 / LIGHT_SPEED if light_time else 0.0,
+    )
+
+
+def _of_rows(name: str, given: ArrayLike, *shape: int, finite: bool = False) -> Array:
+    """An argument that has a value for each row, or one for all."""
+    values = array_of(name, given, finite=finite)
+    return (
+        np.full(shape, values) if values.ndim == 0 else array_of(name, values, shape, finite=False)
     )
 
 

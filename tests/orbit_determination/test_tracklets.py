@@ -178,3 +178,23 @@ def test_tracklets_of_several_observers_or_of_one_time_are_refused():
         attributables(same, [[0, 1]])
     none = attributables(angles, [])
     assert none.time.size == 0 and none.covariance.shape == (0, 4, 4) and none.detections == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"sigma_rad": [SIGMA] * 3}, r"sigma_rad has shape \(3,\); give numbers"),
+        ({"sigma_rad": -SIGMA}, "sigma_rad of row 0 must be positive"),
+        ({"magnitude": np.ones((2, 2))}, r"magnitude has shape \(2, 2\)"),
+        ({"magnitude_sigma": [0.1]}, r"magnitude_sigma has shape \(1,\)"),
+        ({"sun": np.ones(3)}, r"sun has shape \(3,\)"),
+        ({"observer": [0.0, 1.0]}, "give 2 whole numbers"),
+        ({"time": [1.0, 0.0]}, "sort the rows"),
+    ],
+)
+def test_angles_of_wrong_shapes_are_refused(given, words):
+    right = {"time": [0.0, 1.0], "observer": [0, 1], "observer_position": np.zeros((2, 3)),
+             "direction": np.eye(3)[:2], "sigma_rad": SIGMA}  # fmt: skip
+    assert make_angles(**right, magnitude=15.0).magnitude.shape == (2,)
+    with pytest.raises(ConfigurationError, match=words):
+        make_angles(**right | given)

@@ -46,7 +46,7 @@ _COLUMNS = {
                "at its last detection is at most 500 km. The number of right orbits is that of "
                "the objects with such an orbit."),
         Column("Right orbits, difference from the survey of the first row", "right_difference",
-               "+.0f",
+               "+z.1f",
                terms="The difference is that of the same realizations, if both surveys have the "
                "same objects."),
         Column("Duplicates", "duplicate", ".1f",
@@ -66,7 +66,7 @@ _COLUMNS = {
                "the end of the stated days, of the objects that had a right orbit a day before; "
                "objects lost since count with 500 km."),
         Column("Increase of the error of known objects due to the search (%)", "search_cost",
-               "+.1f", 100.0,
+               "+z.1f", 100.0,
                terms="The increase due to the search is that of this mean over that of the survey "
                "that stops searching."),
         Column("Hours to catalog", "hours_to_catalog", ".1f",
