@@ -30,8 +30,14 @@ _ROWS = (
     ("GOSPA part by localization (km²)", "{gospa_localization_km2:,.0f}"),
     ("GOSPA part by missed objects (km²)", "{gospa_missed_km2:,.0f}"),
     ("GOSPA part by false objects (km²)", "{gospa_false_km2:,.0f}"),
-    ("position error, median and 95 % (km)", "{position_median_km:.2g}, {position_95_km:.2g}"),
-    ("velocity error, median and 95 % (m/s)", "{velocity_median_m_s:.2g}, {velocity_95_m_s:.2g}"),
+    (
+        "position error, median and 95th percentile (km)",
+        "{position_median_km:.2g}, {position_95_km:.2g}",
+    ),
+    (
+        "velocity error, median and 95th percentile (m/s)",
+        "{velocity_median_m_s:.2g}, {velocity_95_m_s:.2g}",
+    ),
     ("NEES divided by six", "{anees:.3g}"),
     ("NEES divided by six, without maneuvers", "{anees_ballistic:.3g}"),
     ("purity", "{purity:.3g}"),

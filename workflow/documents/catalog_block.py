@@ -30,7 +30,8 @@ class Column(NamedTuple):
 _COLUMNS = {
     "catalog": (
         Column("Findable", "findable", ".0f",
-               terms="An object is findable if at least three tracklets are of this object alone."),
+               terms="An object is findable if at least three tracklets, no two with a common "
+               "detection, are of this object alone."),
         Column("Linked (% of findable)", "linked_share", ".1f", 100.0,
                terms="An object is linked if most detections of some orbit, confirmed or not, are "
                "detections of the object."),
@@ -41,10 +42,10 @@ _COLUMNS = {
         Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
                100.0),
         Column("Right orbits", "right", ".0f",
-               terms="A confirmed orbit belongs to the object that has more of its detections than "
-               "any other, if they outnumber its false alarms. It is right if its position error "
-               "at its last detection is at most 500 km. The number of right orbits is that of "
-               "the objects with such an orbit."),
+               terms="A confirmed orbit belongs to the object that caused more of the orbit's "
+               "detections than any other object, if these outnumber the orbit's false alarms. The "
+               "orbit is right if its position error at its last detection is at most 500 km. The "
+               "number of right orbits is that of the objects with such an orbit."),
         Column("Right orbits, difference from the survey of the first row", "right_difference",
                "+z.1f",
                terms="The difference is that of the same realizations, if both surveys have the "
@@ -63,8 +64,8 @@ _COLUMNS = {
                "end of the stated days within 10 km."),
         Column("Error of known objects (km)", "error_known_km", ".2f",
                terms="The error of known objects is the geometric mean of the position errors, at "
-               "the end of the stated days, of the objects that had a right orbit a day before; "
-               "objects lost since count with 500 km."),
+               "the end of the stated days, of the objects that had a right orbit a day before; an "
+               "object without a confirmed orbit, or with a larger error, counts with 500 km."),
         Column("Increase of the error of known objects due to the search (%)", "search_cost",
                "+z.1f", 100.0,
                terms="The increase due to the search is that of this mean over that of the survey "

@@ -30,14 +30,22 @@ _OF_SIZES = {
     "Median normalized squared error after 24 h": ("anees_24_h", ".2g", 1.0),
     "Error of the estimated time (h)": ("time_error_h", ".2g", 1.0),
     "Error of the estimated change of velocity (m/s)": ("velocity_error_m_s", ".2g", 1.0),
-    "Components of the estimated change within 3 sigma (%)": ("velocity_coverage", ".0f", 100.0),
+    "Components of the estimated change within 3 sigma (%), 99.7 if consistent": (
+        "velocity_coverage",
+        ".0f",
+        100.0,
+    ),
 }
 _OF_CELLS = {
     "Change of velocity detected with a probability of 90 % (m/s)": ("detectable_m_s", ".2f", 1.0),
     "False alarms per target-day": ("false_alarms_per_day", ".4f", 1.0),
     "In custody at the end (%)": ("custody_end", ".1f", 100.0),
     "Median normalized squared error at the end": ("anees_end", ".2f", 1.0),
-    "Position error of targets without a maneuver (km)": ("coasting_error_km", ".3g", 1.0),
+    "Position error at the end of targets without a maneuver (km)": (
+        "coasting_error_km",
+        ".3g",
+        1.0,
+    ),
 }
 
 
