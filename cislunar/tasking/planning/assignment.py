@@ -76,7 +76,8 @@ def _top(weights: Array, n_observers: int) -> NDArray[np.int64]:
 
 
 def total_information(information: ArrayLike, target: ArrayLike) -> float:
-    """Information of a tasking (Paul & Fan, eq. 60).
+    """Information of a tasking: a sum over pairs, since the joint covariance is block-diagonal
+    (Paul & Fan, eq. 60).
 
     Parameters
     ----------
