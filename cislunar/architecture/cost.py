@@ -16,6 +16,7 @@ from cislunar.architecture.cost_kernels import (
 from cislunar.architecture.objective import Level, Objective, Replacement
 from cislunar.architecture.optimality.cost_levels import cost_levels
 from cislunar.architecture.tables import ArchitectureTables
+from cislunar.runtime.arguments import array_of, count_of, require_kind
 
 
 class CostFunction(Objective):
@@ -27,9 +28,20 @@ class CostFunction(Objective):
         Counts, distances and stability indices.
     n_groups : int
         Largest number of target groups of the relaxation; more groups give fewer, slower nodes.
+
+    Raises
+    ------
+    ConfigurationError
+        If `tables` are no `ArchitectureTables`, their shapes disagree, or a value is not finite.
     """
 
     def __init__(self, tables: ArchitectureTables, *, n_groups: int = 100) -> None:
+        require_kind("tables", tables, ArchitectureTables, "give ArchitectureTables")
+        shape = tables.observations.shape[:2]
+        array_of("tables.observations", tables.observations, (*shape, "target"))
+        array_of("tables.distance", tables.distance, shape)
+        array_of("tables.stability_index", tables.stability_index, shape[:1])
+        count_of("tables.n_steps", tables.n_steps)
         super().__init__(tables.family, tables.stability_index, tables.max_satellites)
         self._arrays = cost_arrays(tables)
         self._n_groups = n_groups

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import count_of
 
 
 def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:
@@ -34,9 +35,17 @@ def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple
     -------
     distance_squared, log_likelihood : ndarray, shape (...)
         The log-density per unit of the residual, with the factor (2 pi)^(-n/2).
+
+    Raises
+    ------
+    ConfigurationError
+        If a covariance is not positive definite.
     """
     nu, s = np.asarray(residual, dtype=float), np.asarray(covariance, dtype=float)
-    root = np.linalg.cholesky(s)
+    try:
+        root = np.linalg.cholesky(s)
+    except np.linalg.LinAlgError:
+        raise ConfigurationError("covariance must be positive definite") from None
     white = np.linalg.solve(root, nu[..., None])[..., 0]
     squared = np.einsum("...i,...i", white, white)
     log_det = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
@@ -61,8 +70,9 @@ def gate_threshold(probability: float, dimension: int) -> float:
     Raises
     ------
     ConfigurationError
-        If the probability lies outside (0, 1).
+        If the probability lies outside (0, 1), or the dimension is less than 1.
     """
+    count_of("dimension", dimension)
     if not 0.0 < probability < 1.0:
         raise ConfigurationError(f"gate_probability = {probability} must lie between 0 and 1")
     return float(chi2.ppf(probability, dimension))

@@ -27,6 +27,7 @@ from cislunar.dynamics.forces import (
 )
 from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import array_of, count_of, number_of
 
 
 @njit_noalloc
@@ -158,10 +159,14 @@ def propagate_bundle(
     Raises
     ------
     ConfigurationError
-        If the force model does not cover the times.
+        If the states are not of shape (N, 6), the step or the first time is not finite, the number
+        of steps is negative, or the force model does not cover the times.
     """
+    given = array_of("state", state, (*np.shape(state)[:1], 6), finite=False)
+    dt, start = number_of("dt", dt), number_of("start", start)
+    n_steps = count_of("n_steps", n_steps, least=0)
     require_span(forces, start, start + n_steps * dt)
-    bundle = np.array(np.asarray(state, dtype=float).T, order="C")
+    bundle = np.array(given.T, order="C")
     out = np.empty((bundle.shape[1], n_steps + 1, 6))
-    _propagate(forces, float(start), bundle, float(dt), out)
+    _propagate(forces, start, bundle, dt, out)
     return out

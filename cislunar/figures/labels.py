@@ -171,7 +171,7 @@ PIPELINES = {
     ("information", "batch", "without-noise"): f"{_RECOMMENDED}, no process noise",
     ("information", "batch", "without-ephemeris"): f"{_RECOMMENDED}, CR3BP filter",
     ("information", "batch", "without-pending"): f"{_RECOMMENDED}, pending measurements ignored",
-    ("published", "mukf", "paper"): "paper's pipeline as printed (CR3BP filter)",
+    ("published", "mukf", "paper"): "paper's pipeline, CR3BP filter",
     ("published", "mukf", "paper-ephemeris"): _PAPER,
     ("published", "mukf", "week-paper"): f"{_PAPER}, seven days",
     ("information", "mukf", "with-orbits"): f"{_PAPER}, recommended satellites",

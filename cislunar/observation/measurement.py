@@ -39,6 +39,7 @@ from cislunar.observation.sightline import (
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import array_of
 
 # Detection outcomes.
 NOT_TASKED, FAINT, EXCLUDED, OCCULTED, DETECTED = range(5)
@@ -223,9 +224,29 @@ def measure(
     Raises
     ------
     ConfigurationError
-        If a target has more observations at a step than errors, or `sensor` or `true` is neither
-        one sensor nor one for each observer.
+        If a target has more observations at a step than errors, `sensor` or `true` is neither one
+        sensor nor one for each observer, or the shapes, times or observers of schedule, scene,
+        surfaces and states disagree.
     """
+    n_targets, n_steps = observations.offset.shape[0], observations.offset.shape[1] - 1
+    states = array_of("states", states, (n_targets, "time", 6), finite=False)
+    times = states.shape[1]
+    attitudes = array_of("attitudes", attitudes, (n_targets, times, 4), finite=False)
+    noise = array_of("noise", noise, (n_targets, times, *np.shape(noise)[2:3], 3), finite=False)
+    if dimmed is None:
+        dimmed = np.zeros((n_targets, times))
+    dimmed = array_of("dimmed", dimmed, (n_targets, times), finite=False)
+    n_times = scene.observer_position.shape[1]
+    if not origin <= first or first + n_steps > min(origin + times, n_times):
+        raise ConfigurationError(
+            f"first = {first}: the {n_steps} steps of the schedule must be among the {n_times} "
+            f"times of the scene and the {times} times of the states from {origin} on"
+        )
+    if surfaces.first.size != n_targets + 1:
+        raise ConfigurationError(
+            f"surfaces of {surfaces.first.size - 1} targets: give those of the {n_targets} "
+            "targets of the schedule"
+        )
     most = int(np.diff(observations.offset, axis=1).max(initial=0))
     if most > noise.shape[2]:
         raise ConfigurationError(
@@ -233,9 +254,12 @@ def measure(
             f"{noise.shape[2]} are given"
         )
     n_observers, n_rows = scene.observer_position.shape[0], observations.observer.size
+    if n_rows and not 0 <= observations.observer.min() <= observations.observer.max() < n_observers:
+        raise ConfigurationError(
+            f"the schedule has an observer that is none of the {n_observers} of the scene"
+        )
     limits = sensor_limits(sensor, n_observers)
     truly = limits if true is None else sensor_limits(true, n_observers)
-    dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
     value, variance = np.empty((n_rows, 3)), np.empty((n_rows, 3))
     outcome = np.empty(n_rows, dtype=np.uint8)
     model = scene, surfaces, limits, truly, true is not None, observations

@@ -28,7 +28,7 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.arguments import Array, array_of, number_of
+from cislunar.runtime.arguments import UNIT_NORM, Array, array_of, number_of
 
 _OBSERVER_RATE_DEG_H = (0.0, 0.0, 1.0)
 """Angular velocity of the observers, body frame, deg/h (Paul & Fan, table 3)."""
@@ -95,7 +95,8 @@ def make_scene(
     Raises
     ------
     ConfigurationError
-        If the inputs disagree, or a position is not finite or evidently in km.
+        If the inputs disagree, a position is not finite or evidently in km, or `axes` are no
+        rotation.
     """
     if np.shape(observer_position)[:1] == (0,):
         raise ConfigurationError("observer_position has no observers; give at least one")
@@ -119,7 +120,10 @@ def make_scene(
         to_inertial[:, 0, 1] = -np.sin(angle)
         to_inertial[:, 2, 2] = 1.0
     else:
-        to_inertial = np.tile(array_of("axes", axes, (3, 3)), (elapsed_s.size, 1, 1))
+        turn = array_of("axes", axes, (3, 3))
+        if np.abs(turn @ turn.T - np.eye(3)).max() > UNIT_NORM or np.linalg.det(turn) < 0.0:
+            raise ConfigurationError("axes must be a rotation matrix: orthonormal, right-handed")
+        to_inertial = np.tile(turn, (elapsed_s.size, 1, 1))
     if primaries is None:
         primaries = np.tile(primary_positions(MU), (elapsed_s.size, 1, 1))
     primaries = array_of("primaries", primaries, (elapsed_s.size, 2, 3))

@@ -102,8 +102,8 @@ class Atmosphere(Section):
     extinction_mag: NotNegative = setting(
         "atmospheric extinction at the zenith", "mag", default=0.2)
     sun_below_deg: number(ge=0, lt=90) = setting(
-        "minimum angle of the Sun below the horizon: 12 deg in nautical twilight, 18 deg at night",
-        "deg", default=12)
+        "minimum angle of the Sun below the horizon: 12 deg at the end of nautical twilight, 18 "
+        "deg at the end of astronomical twilight", "deg", default=12)
 
     # fmt: on
 

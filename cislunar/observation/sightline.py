@@ -23,6 +23,7 @@ from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sensor import sine_of_elevation
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import array_of
 
 EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
 MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM
@@ -193,9 +194,20 @@ def sunlit_share(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Arra
     -------
     ndarray, shape (target, time)
         From 0 in the umbra to 1; NaN where a position is NaN.
+
+    Raises
+    ------
+    ConfigurationError
+        If a shape is wrong, or the numbers of times disagree.
     """
+    targets, times = (*np.shape(place)[:2], 0, 0)[:2]
     where, light, bodies = (
-        np.ascontiguousarray(each, dtype=float) for each in (place, sun, primaries)
+        np.ascontiguousarray(array_of(name, each, axes, finite=False))
+        for name, each, axes in (
+            ("place", place, (targets, times, 3)),
+            ("sun", sun, (times, 3)),
+            ("primaries", primaries, (times, 2, 3)),
+        )
     )
     out = np.empty(where.shape[:2])
     _shares(where, light, bodies, out)

@@ -154,7 +154,7 @@ def make_angles(
     sigma_rad : array_like, shape () or (row,)
         Standard deviation along each of two perpendicular directions, rad.
     magnitude, magnitude_sigma : array_like, shape () or (row,)
-        mag; NaN where unknown.
+        Magnitudes, NaN where unknown, and their standard deviations, mag.
     sun : array_like, shape (row, 3), optional
         Positions of the Sun, nondimensional, propagation frame, for the limits of brightness.
     light_time : bool
@@ -176,12 +176,18 @@ def make_angles(
     vectors = array_of("direction", direction, (n, 3))
     length = np.linalg.norm(vectors, axis=1)
     sigma = _of_rows("sigma_rad", sigma_rad, n, finite=True)
+    brightness = _of_rows("magnitude", magnitude, n)
+    noise = _of_rows("magnitude_sigma", magnitude_sigma, n)
     owner = np.asarray(observer)
     if owner.shape != (n,) or owner.dtype.kind not in "iu":
         raise ConfigurationError(f"observer has shape {owner.shape}; give {n} whole numbers")
-    for name, right in (("direction", length > 0.0), ("sigma_rad", sigma > 0.0)):
+    for name, right in (
+        ("length of direction", length > 0.0),
+        ("sigma_rad", sigma > 0.0),
+        ("magnitude_sigma", (noise > 0.0) | np.isnan(brightness)),
+    ):
         for row in np.flatnonzero(~right)[:1].tolist():
-            raise ConfigurationError(f"{name} of row {row} must be positive in length")
+            raise ConfigurationError(f"{name} of row {row} must be positive")
     _require_order(times)
     unit = vectors / length[:, None]
     return Angles(
@@ -191,8 +197,8 @@ def make_angles(
         unit,
         tangent_basis(unit),
         sigma[:, None, None] ** 2 * np.eye(2),
-        _of_rows("magnitude", magnitude, n),
-        _of_rows("magnitude_sigma", magnitude_sigma, n) ** 2,
+        brightness,
+        noise**2,
         _of_rows("sun", sun, n, 3),
         np.zeros((n, 3)),
         1.0 / LIGHT_SPEED if light_time else 0.0,

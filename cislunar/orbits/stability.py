@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from cislunar.constants import MU
 from cislunar.dynamics import CR3BP, primary_distances, propagate, propagate_stm
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import number_of
 
 _SAMPLES = 256
 
@@ -47,8 +48,10 @@ def stability_index(state: ArrayLike, period: float, mu: float = MU) -> float:
     Raises
     ------
     ConfigurationError, ConvergenceError
-        If the orbit cannot be propagated; see `cislunar.dynamics.propagation.propagate`.
+        If the period is not positive, or the orbit cannot be propagated; see
+        `cislunar.dynamics.propagation.propagate`.
     """
+    period = number_of("period", period, positive=True)
     # The unit pair of eigenvalues is defective and splits numerically; the index is even in
     # log|eta|, so that the split enters only squared and no eigenvalue has to be singled out.
     largest = float(np.abs(np.linalg.eigvals(monodromy(state, period, mu))).max())

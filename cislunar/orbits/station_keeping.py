@@ -8,6 +8,7 @@ from cislunar.dynamics import CR3BP, VELOCITY_UNIT_M_S, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.stability import farthest_state
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import number_of
 
 _PLACES = 64  # possible maneuvers per revolution
 _STABLE = (
@@ -85,13 +86,15 @@ def station_keeping_m_s(
     Raises
     ------
     ConfigurationError
-        If a standard deviation or `least_days` is not positive, `most_days` is less than
-        `least_days`, or the state is not of 6 finite numbers.
+        If the period, a standard deviation or `least_days` is not positive, `most_days` is less
+        than `least_days`, or the state is not of 6 finite numbers.
+    ConvergenceError
+        If the orbit meets the center of a primary.
     """
-    given = {"position_km": position_km, "velocity_m_s": velocity_m_s, "least_days": least_days}
+    given = {"period": period, "position_km": position_km, "velocity_m_s": velocity_m_s,
+             "least_days": least_days}  # fmt: skip
     for name, value in given.items():
-        if not value > 0.0:
-            raise ConfigurationError(f"{name} = {value} must be positive")
+        number_of(name, value, positive=True)
     if not most_days >= least_days:
         raise ConfigurationError(f"most_days = {most_days} must be at least {least_days}")
     modes, growth = unstable_modes(state, period, mu)

@@ -21,6 +21,7 @@ from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
 from cislunar.photometry.reflection.laws import directional_hemispherical_reflectance
 from cislunar.photometry.reflection.tables import NO_TABLE, load_reflectance_table
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import number_of
 
 _NODES = 64
 """Nodes of each integral; the error is below 1e-3 of the returned light for slopes up to 1."""
@@ -80,19 +81,29 @@ def sphere_magnitude(
     Parameters
     ----------
     range_m : array_like, shape (...)
-        Distance from observer to target, m.
+        Distance from observer to target, m; positive.
     phase_angle : array_like, shape (...)
         Solar phase angle, rad.
     radius_m : float
-        Radius of the sphere, m.
+        Radius of the sphere, m; positive.
     diffuse_reflection_coefficient : float
-        C_d, dimensionless; not given in the paper.
+        C_d, dimensionless, not negative; not given in the paper.
 
     Returns
     -------
     ndarray, shape (...)
         Magnitude; ``inf`` for an unlit sphere.
+
+    Raises
+    ------
+    ConfigurationError
+        If the radius is not positive, or the coefficient is negative.
     """
+    number_of("radius_m", radius_m, positive=True)
+    if not diffuse_reflection_coefficient >= 0.0:
+        raise ConfigurationError(
+            f"diffuse_reflection_coefficient = {diffuse_reflection_coefficient} is negative"
+        )
     ratio = (
         2.0
         * diffuse_reflection_coefficient
@@ -130,12 +141,9 @@ def faintness_per_squared_range(
     ConfigurationError
         If the radius or the coefficient is not positive.
     """
-    for name, value in (
-        ("radius_m", radius_m),
-        ("diffuse_reflection_coefficient", diffuse_reflection_coefficient),
-    ):
-        if not value > 0.0:
-            raise ConfigurationError(f"{name} = {value} must be positive")
+    number_of("radius_m", radius_m, positive=True)
+    name = "diffuse_reflection_coefficient"
+    number_of(name, diffuse_reflection_coefficient, positive=True)
     threshold = 10.0 ** ((SUN_APPARENT_MAGNITUDE - limiting_magnitude) / 2.5)
     return threshold * 3.0 * np.pi / (2.0 * diffuse_reflection_coefficient * radius_m**2)
 
@@ -163,9 +171,13 @@ def returned_light(
 
     Raises
     ------
+    ConfigurationError
+        If the incidence is outside of [0, pi / 2).
     InputFileError
         If the table of the reflection law cannot be used.
     """
+    if not 0.0 <= incidence < 0.5 * np.pi:
+        raise ConfigurationError(f"incidence = {incidence} rad must be at least 0 and below pi / 2")
     model = PhotometryModel() if model is None else model
     if model.law > 0:
         table = load_reflectance_table(model.reflection) if model.law == TABULATED else NO_TABLE

@@ -26,6 +26,7 @@ from cislunar.observation import (
 )
 from cislunar.photometry import faintness_per_squared_range
 from cislunar.runtime import Array, Indices
+from cislunar.runtime.arguments import array_of, count_of
 
 _MARGIN = 0.96
 """Width of a field over that of the field of view: rows of declination are curved in it."""
@@ -139,14 +140,26 @@ def views(
     Returns
     -------
     Views
+
+    Raises
+    ------
+    ConfigurationError
+        If the scene does not have the time, the positions have another shape, or the limits are not
+        those of all observers.
     """
-    place = np.ascontiguousarray(position, dtype=float)
+    index = count_of("index", index, 0, scene.observer_position.shape[1] - 1)
+    objects = array_of("position", position, (*np.shape(position)[:1], 3), finite=False)
+    place = np.ascontiguousarray(objects)
     shape = scene.observer_position.shape[0], place.shape[0]
+    if len(limits.limiting_magnitude) != shape[0]:
+        raise ConfigurationError(
+            f"limits of {len(limits.limiting_magnitude)} observers: give those of all {shape[0]}"
+        )
     out = np.empty(shape), np.empty(shape), np.empty(shape)
     faintness = METERS**2 * np.array(
         [faintness_per_squared_range(each) for each in limits.limiting_magnitude]
     )
-    _see(scene, limits, faintness, int(index), place, *out)
+    _see(scene, limits, faintness, index, place, *out)
     if eclipse:
         sky = scene.sun_position[[index]], scene.primaries[[index]]
         out[2][:] -= dimming(place[:, None], *sky)[:, 0]

@@ -167,16 +167,17 @@ class SurveyModel(Section):
     # fmt: off
 
     duration_days: Positive = setting("duration", "day", default=1)
-    link_hours: Positive = setting("time between two runs of linking", "h", default=4)
+    link_hours: Positive = setting(
+        "time between two runs of linking, a multiple of `search.block_minutes`", "h", default=4)
     latency_minutes: NotNegative = setting(
         "time after which the data of a block reach the catalog and the planning, a multiple of "
-        "`search.block_minutes`", "min", default=0)
+        "`search.block_minutes` and less than `link_hours`", "min", default=0)
     magnitude_sigma: Positive = setting(
         "standard deviation of an object's magnitudes about those of a sphere, which the search "
         "assumes", "mag", default=0.4)
     radiation_sigma: NotNegative = setting(
-        "standard deviation of the radiation pressure on an object over the assumed one, which is "
-        "estimated with its orbit; 0: known", "1", default=0)
+        "standard deviation of the ratio of the true to the assumed radiation pressure on an "
+        "object, which is estimated with the orbit; 0: the ratio is known", "1", default=0)
     kernel_deg: Positive = setting(
         "standard deviation of the directions of objects about that of a particle", "deg",
         default=1)

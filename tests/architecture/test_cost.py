@@ -1,5 +1,6 @@
 """The cost J from tables against the paper's sums, taken term by term without any table."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -193,3 +194,16 @@ def test_impossible_architectures_are_refused(orbit, satellites, message):
     cost = CostFunction(tables_of(np.ones((3, 2, 4), dtype=np.uint16)))
     with pytest.raises(ConfigurationError, match=message):
         cost.value(orbit, satellites)
+
+
+def test_tables_that_do_not_belong_together_are_refused():
+    right = tables_of(np.ones((3, 2, 4), dtype=np.uint16))
+    for name, wrong in (
+        ("distance", right.distance[:1]),
+        ("stability_index", np.full(3, np.nan)),
+        ("n_steps", 0),
+    ):
+        with pytest.raises(ConfigurationError, match=name):
+            CostFunction(dataclasses.replace(right, **{name: wrong}))
+    with pytest.raises(ConfigurationError, match="give ArchitectureTables"):
+        CostFunction("tables")

@@ -326,11 +326,28 @@ def test_search_of_free_phases_moves_one_satellite_at_a_time():
         ({"fold": 0}, "fold"),
         ({"window": "week"}, "window"),
         ({"max_stability_index": 0.5}, "max_stability_index"),
+        ({"phases": 1.5}, "phases = 1.5"),
+        ({"target": np.zeros((2, 2))}, "target has shape"),
+        ({"target": [[4e5, 0.0, 0.0]]}, "target"),
+        ({"times": [0.0, 1.0, 3.0]}, "equal steps"),
+        ({"sun_position": np.ones((1, 3))}, "sun_position has shape"),
     ],
 )
 def test_impossible_tables_are_refused(change, message):
+    names = "orbits", "target", "times", "sun_position"
     with pytest.raises(ConfigurationError, match=message):
-        coverage_tables(*scene(), SETTINGS, **change)
+        coverage_tables(**(dict(zip(names, scene(), strict=True)) | change), settings=SETTINGS)
+
+
+@pytest.mark.parametrize("name", ["track", "target", "times", "sun_position"])
+def test_arrays_that_do_not_belong_together_are_refused(name):
+    _, target, times, sun = scene()
+    given = {"track": np.zeros((1, times.size, 3)), "target": target, "times": times,
+             "sun_position": sun, "settings": SETTINGS}  # fmt: skip
+    assert coverage(**given).never_seen >= 0
+    for wrong in (given[name][..., None], np.full(np.shape(given[name]), np.nan)):
+        with pytest.raises(ConfigurationError, match=name):
+            coverage(**(given | {name: wrong}))
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,7 @@ def test_a_curve_for_each_pipeline(pooled):
     assert texts == [
         "recommended pipeline",
         "paper's pipeline, ephemeris filter",
-        "paper's pipeline as printed (CR3BP filter)",
+        "paper's pipeline, CR3BP filter",
     ]
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert sum(title.endswith(" targets") for title in titles) == 3

@@ -6,6 +6,7 @@ from cislunar.constants import GM_MOON_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM, M
 from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, jacobi_constant
 from cislunar.dynamics.tableau import STAGES8
+from cislunar.errors import ConfigurationError
 
 STEP = 60.0 / TIME_UNIT_S
 DAY_STEPS = 1440
@@ -95,3 +96,18 @@ def test_fewer_stages_away_from_the_primaries_are_exact_enough(state):
 def test_near_a_primary_every_stage_is_taken(state):
     cloud, bundle = _cloud_day(state)
     np.testing.assert_array_equal(cloud, bundle)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"state": np.zeros((1, 5))}, r"state has shape \(1, 5\)"),
+        ({"state": STATES["halo"]}, r"state has shape \(6,\)"),
+        ({"dt": np.nan}, "dt = nan"),
+        ({"n_steps": -1}, "n_steps = -1"),
+        ({"start": np.inf}, "start = inf"),
+    ],
+)
+def test_impossible_arguments_are_refused(wrong, words):
+    with pytest.raises(ConfigurationError, match=words):
+        propagate_bundle(**({"state": STATES["halo"][None], "dt": STEP, "n_steps": 2} | wrong))

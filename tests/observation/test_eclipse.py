@@ -9,6 +9,7 @@ from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import propagate
 from cislunar.dynamics.radiation import SUN_RADIUS_KM
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.eclipses import expected_dimming, without_dimming
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.measurement import FAINT
@@ -209,3 +210,11 @@ def test_magnitudes_are_corrected_at_the_estimated_position():
     wide = estimate._replace(covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
     uncertain, _ = without_dimming(records, wide, still, EARTH_MOON)
     assert uncertain.variance[0, 0] > 0.1 and records.variance[0, 0] == 1e-4
+
+
+@pytest.mark.parametrize("wrong", ["place", "sun", "primaries"])
+def test_positions_of_different_times_are_refused(wrong):
+    given = {"place": np.ones((2, 6, 3)), "sun": np.ones((6, 3)), "primaries": np.ones((6, 2, 3))}
+    given[wrong] = given[wrong][:1] if wrong != "place" else given[wrong][:, :, :2]
+    with pytest.raises(ConfigurationError, match=wrong):
+        sunlit_share(**given)

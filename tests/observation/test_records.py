@@ -81,3 +81,28 @@ def test_some_rows_and_some_steps(problem):
     late = during(records, 4, 6)
     np.testing.assert_array_equal(np.diff(late.offset), [[1, 1], [2, 2], [0, 0]])
     np.testing.assert_array_equal(late.value, records.value[rows_of(records)[1] >= 4])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"states": lambda a: a[:, :1]}, r"attitudes has shape \(3, 61, 4\)"),
+        ({"states": lambda a: a[:1]}, r"states has shape \(1,"),
+        ({"attitudes": lambda a: a[..., :3]}, "attitudes has shape"),
+        ({"noise": lambda a: a[0]}, "noise has shape"),
+        ({"dimmed": lambda a: a[:, :2]}, "dimmed has shape"),
+        ({"first": lambda _: 58}, "first = 58"),
+        ({"observer": lambda a: a + 9}, "none of the"),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_refused(problem, wrong, words):
+    scene, surfaces, truth = problem[0], problem[1], problem[2][0]
+    tasked = constant_schedule([1, -1, 2], 3, 5)
+    given = {"first": 1, "states": truth.translation, "attitudes": truth.quaternion,
+             "noise": truth.noise, "dimmed": np.zeros(truth.translation.shape[:2]),
+             "observer": tasked.observer}  # fmt: skip
+    name, change = next(iter(wrong.items()))
+    given[name] = change(given[name])
+    tasked = tasked._replace(observer=given.pop("observer"))
+    with pytest.raises(ConfigurationError, match=words):
+        measure(observations=tasked, scene=scene, surfaces=surfaces, sensor=BRIGHT, **given)

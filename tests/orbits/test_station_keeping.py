@@ -77,6 +77,7 @@ def test_stable_orbits_cost_nothing_and_impossible_errors_are_named():
     assert steady.stability_index[at] < 1.0 + 1e-9
     assert station_keeping_m_s(steady.state[at], steady.period[at]) == 0.0
     for wrong, said in (({"position_km": 0.0}, "position_km"), ({"least_days": -1.0}, "least_days"),
-                        ({"most_days": 0.5}, "most_days = 0.5")):  # fmt: skip
+                        ({"most_days": 0.5}, "most_days = 0.5"),
+                        ({"period": 0.0}, "period")):  # fmt: skip
         with pytest.raises(ConfigurationError, match=said):
-            station_keeping_m_s(steady.state[at], steady.period[at], **wrong)
+            station_keeping_m_s(steady.state[at], **({"period": steady.period[at]} | wrong))

@@ -128,3 +128,14 @@ def test_the_equal_sphere_of_a_diffuse_material_has_its_albedo():
     assert equal_sphere_coefficient(diffuse, physical) == pytest.approx(0.4, rel=1e-12)
     darker = equal_sphere_coefficient(diffuse, PhotometryModel(irradiance="4pi"))
     assert darker == pytest.approx(0.4 / (4.0 * np.pi), rel=1e-12)
+
+
+def test_impossible_spheres_and_angles_are_refused():
+    for call, words in (
+        (lambda: sphere_magnitude(1e8, 0.5, radius_m=-1.0), "radius_m"),
+        (lambda: sphere_magnitude(1e8, 0.5, diffuse_reflection_coefficient=-1.0), "diffuse"),
+        (lambda: returned_light(PANEL, 2.0), "incidence = 2.0"),
+        (lambda: returned_light(PANEL, np.nan), "incidence = nan"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            call()

@@ -267,3 +267,11 @@ def test_bad_settings_are_refused():
             SearchPlanner(settings, SCENE, LIMITS)
     with pytest.raises(ConfigurationError, match="below 60"):
         FieldGrid(60.0)
+
+
+def test_views_of_an_unknown_time_or_of_other_observers_are_refused():
+    here = SCENE.observer_position[0, :1] + 0.1
+    for wrong, words in (({"index": 10**6}, "index"), ({"position": here[:, :2]}, "position"),
+                         ({"limits": sensor_limits(Sensor(), 50)}, "limits of 50")):  # fmt: skip
+        with pytest.raises(ConfigurationError, match=words):
+            views(**({"scene": SCENE, "limits": LIMITS, "index": 1, "position": here} | wrong))

@@ -90,7 +90,7 @@ def test_the_study_of_the_real_world_has_a_table_and_a_figure(campaign):
     (root / "docs/images").mkdir(exist_ok=True)
     chosen = ["--root", str(root), "--results", str(results), "--study", "real"]
     assert documents.main(chosen) == 0
-    told = f"paper's pipeline as printed (CR3BP filter) | 43 | 12 |{3 * ' 25 [12, 50] |'} 0.25"
+    told = f"paper's pipeline, CR3BP filter | 43 | 12 |{3 * ' 25 [12, 50] |'} 0.25"
     assert f"| 100 | {told} [0.125, 0.5] |" in page.read_text(encoding="utf-8")
     assert (root / "docs/images/real.png").read_bytes() == b"drawn"
     assert documents.main(["--check", "--root", str(root)]) == 0

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics import require_nondimensional
+from cislunar.runtime.arguments import array_of, require_kind
 from cislunar.visibility import VisibilitySettings, count_observers, lost_observations, shade_of
 
 
@@ -74,9 +76,24 @@ def coverage(
     Returns
     -------
     Coverage
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes disagree, a value is not finite, or a position is evidently in km.
     """
-    times = np.asarray(times, dtype=float)
-    positions = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
+    require_kind("settings", settings, VisibilitySettings, "give VisibilitySettings")
+    times = array_of("times", times, ("time",))
+    positions = [
+        np.ascontiguousarray(array_of(name, each, axes))
+        for name, each, axes in (
+            ("track", track, ("satellite", times.size, 3)),
+            ("target", target, ("target", 3)),
+            ("sun_position", sun_position, (times.size, 3)),
+        )
+    ]
+    require_nondimensional("track", positions[0])
+    require_nondimensional("target", positions[1])
     faintness = settings.faintness_at(len(times), length)
     given = *positions, settings.exclusion_deg.cosines, faintness, MU
     observers = count_observers(*given)

@@ -11,15 +11,18 @@ from cislunar.architecture.coverage.kernels import add_layers
 from cislunar.architecture.coverage.measures import day_starts
 from cislunar.architecture.orbit_slots import free_orbit_slots, orbit_slots_at, steady_orbits
 from cislunar.constants import MU
+from cislunar.dynamics import require_nondimensional
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import array_of, count_of, require_choice, require_kind
 from cislunar.visibility import VisibilitySettings, distinct_phases, mark_observations
 from cislunar.visibility.shade import lost_observations, shade_of
 from cislunar.visibility.tracks import satellite_tracks
 
 _ORBITS_PER_BATCH = 8
 _WORD = 64
+_EQUAL = 1e-6
+"""Differences between steps, relative to their mean, up to which times are at equal steps."""
 
 _WINDOWS = ("sample", "day")
 """Kinds of element: a target at one time, or a target on one day."""
@@ -149,12 +152,17 @@ def coverage_tables(
     ------
     ConfigurationError
         If a count is less than 1, the window or the propagator is unknown, no orbit has a stability
-        index within the limit, or moving targets are not given at all times.
+        index within the limit, shapes disagree, a value is not finite, a target is evidently in km,
+        or the times are not at equal steps.
+    ConvergenceError
+        If a satellite meets the center of a primary.
     """
-    if phases is not None and phases < 1:
-        raise ConfigurationError(f"phases = {phases} must be at least 1")
-    if fold < 1:
-        raise ConfigurationError(f"fold = {fold} must be at least 1")
+    require_kind("orbits", orbits, OrbitSet, "give an OrbitSet")
+    require_kind("settings", settings, VisibilitySettings, "give VisibilitySettings")
+    if phases is not None:
+        count_of("phases", phases)
+    count_of("fold", fold)
+    count_of("max_satellites", max_satellites)
     require_choice("window", window, _WINDOWS)
     allowed = steady_orbits(orbits, max_stability_index)
     if phases is None:
@@ -163,13 +171,15 @@ def coverage_tables(
     else:
         phase = np.arange(phases) / phases
         per_orbit, counts, layer = phases, 1, 1
-    times = np.asarray(times, dtype=float)
-    target = np.ascontiguousarray(target, dtype=float)
-    if target.ndim == 3 and target.shape[1] != len(times):
-        raise ConfigurationError(
-            f"target has positions at {target.shape[1]} times; give them at all {len(times)} times"
-        )
-    sun = np.ascontiguousarray(sun_position, dtype=float)
+    times = array_of("times", times, ("time",))
+    steps = np.diff(times)
+    if steps.size and not np.ptp(steps) <= _EQUAL * steps.mean():
+        raise ConfigurationError("times must increase by equal steps")
+    moving = np.ndim(target) == 3
+    target = array_of("target", target, ("target", *[times.size] * moving, 3))
+    require_nondimensional("target", target)
+    target = np.ascontiguousarray(target)
+    sun = np.ascontiguousarray(array_of("sun_position", sun_position, (times.size, 3)))
     shape = (len(times), len(target))
     starts = day_starts(times)
     n_windows = len(starts) if window == "day" else len(times)

@@ -28,6 +28,7 @@ from cislunar.observation import METERS, Sensor, TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array
+from cislunar.runtime.arguments import array_of, count_of
 from cislunar.visibility.tracks import satellite_tracks
 
 HOUR = 3600.0 / TIME_UNIT_S
@@ -220,6 +221,21 @@ def _tables(
     return InformationTables(items, nuisance, shape, **slots._asdict())
 
 
+def _sun_of(
+    orbits: OrbitSet, slots: OrbitSlots, targets: MovingTargets, windows: Windows, sun: ArrayLike
+) -> Array:
+    """Positions of the Sun (window, sample, 3); raises a `ConfigurationError` if they, the targets
+    or the orbits of the slots do not belong to the other arguments."""
+    shape = windows.times.shape
+    if targets.position.shape[:2] != shape:
+        raise ConfigurationError("targets have other windows; make them with these windows")
+    if np.size(slots.orbit) and not np.max(slots.orbit) < len(orbits.period):
+        raise ConfigurationError(
+            f"slots have an orbit that is none of the {len(orbits.period)} in orbits"
+        )
+    return np.ascontiguousarray(array_of("sun_position", sun, (*shape, 3)))
+
+
 def orbit_information(
     orbits: OrbitSet,
     slots: OrbitSlots,
@@ -267,9 +283,11 @@ def orbit_information(
     Raises
     ------
     ConfigurationError
-        If the propagator is unknown.
+        If the propagator is unknown, or shapes or orbits of the arguments disagree.
+    ConvergenceError
+        If a satellite meets the center of a primary.
     """
-    view, sun = observations.view(), np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = observations.view(), _sun_of(orbits, slots, targets, windows, sun_position)
     motion = np.ascontiguousarray(targets.motion * observations.initial.components()[6:])
     weight = observations.per_hour * windows.step_hours / view[0].noise_variance[1]
     known = np.empty((0, 1, 1)) if squared_ranges is None else squared_ranges
@@ -325,11 +343,13 @@ def attitude_information(
     Raises
     ------
     ConfigurationError
-        If `attitudes` is less than 1, or the propagator is unknown.
+        If `attitudes` is less than 1, the propagator is unknown, or shapes or orbits of the
+        arguments disagree.
+    ConvergenceError
+        If a satellite meets the center of a primary.
     """
-    if attitudes < 1:
-        raise ConfigurationError(f"attitudes = {attitudes} must be at least 1")
-    view, sun = observations.view(), np.ascontiguousarray(sun_position, dtype=float)
+    count_of("attitudes", attitudes)
+    view, sun = observations.view(), _sun_of(orbits, slots, targets, windows, sun_position)
     position = targets.position
     shape = (len(windows.start), position.shape[2], attitudes)
     quaternion = normalize(rng.standard_normal((*shape, 4)))

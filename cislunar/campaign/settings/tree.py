@@ -364,10 +364,10 @@ class Scenario(Partial):
         "`vx`, `vy`, `vz` or `vx_km_s`, `vy_km_s`, `vz_km_s`, at the epoch in the rotating frame; "
         "optional `period` or `period_days`, and `family`", "path", default=None)
     photometry: Literal["printed", "physical"] = _optional(
-        "brightness of the targets where `task2` does not set it. `printed`: as in the paper, "
-        "irradiance `4pi` and a sphere of C_d = 0.5 in tasking. `physical`, the default: "
-        "irradiance `1/r^2` and in tasking the sphere that reflects as much light as the body's "
-        "material")
+        "brightness of the targets where `task2` does not set it. `printed`: the paper's "
+        "irradiance `4pi`, and in tasking a sphere of C_d = 0.5, which the paper does not state. "
+        "`physical`, also if the key is left out: irradiance `1/r^2` and in tasking the sphere "
+        "that reflects as much light as the body's material")
     settings: partial(Surroundings) = _optional(
         "settings of the scenario that differ: any of `epoch_jd`, `ephemeris`, `targets`, "
         "`visibility` and, of `task2`, the settings of a cell, with the same keys")

@@ -61,7 +61,8 @@ class BatchSettings(Section):
         "maximum number of modes of the attitude's posterior that the estimator `batch` keeps (16 "
         "in the preset `accurate`)", default=8)
     starts: whole(ge=0) = setting(
-        "number of starts of a fit in addition to the live modes (8 in `accurate`)", default=4)
+        "number of starts of a fit in addition to the modes found before (8 in `accurate`)",
+        default=4)
     first_starts: whole(ge=0) = setting(
         "number of starts of the first fit (16 in `accurate`)", default=8)
     pool: whole(ge=0) = setting(

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import require_choice
+from cislunar.runtime.arguments import array_of, require_choice
 
 INFORMATION_DECIMALS = 9
 """Decimals of the information, nats, by which taskings are compared."""
@@ -90,8 +90,20 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
     -------
     float
         Nats.
+
+    Raises
+    ------
+    ConfigurationError
+        If the information is no matrix, or `target` does not have a target, or `IDLE`, for each
+        observer.
     """
-    matrix, chosen = np.asarray(information, dtype=float), np.asarray(target)
+    matrix = array_of("information", information, ("observer", "target"))
+    chosen = np.asarray(target)
+    least, most = min(IDLE, 0), matrix.shape[1] - 1
+    if chosen.shape != matrix.shape[:1] or np.any((chosen < least) | (chosen > most)):
+        raise ConfigurationError(
+            f"target must be {len(matrix)} whole numbers up to {most}, or {IDLE}"
+        )
     observers = np.flatnonzero(chosen != IDLE)
     return float(matrix[observers, chosen[observers]].sum())
 

@@ -33,8 +33,9 @@ class ScheduleModel(Section):
         "number of tasking intervals that are planned together at an epoch; the first is carried "
         "out", "1", "1", default=1)
     bound_steps: whole(ge=0) = setting(
-        "number of price steps that bound the best joint choice of all slots (`planning_gap` in "
-        "the results; 30 steps take some tenths of a second per epoch); 0: no bound", "1",
+        "number of steps of a Lagrangian relaxation that bounds the best joint choice of all slots "
+        "(`planning_gap` in the results; 30 steps take some tenths of a second per epoch); 0: no "
+        "bound", "1",
         "not in the paper", default=0)
 
     # fmt: on
