@@ -33,7 +33,7 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import checked, observation_table, read_text
 from cislunar.observation import Scene, Sensor, make_scene
 from cislunar.orbit_determination import Angles, angles_from_table
-from cislunar.runtime import Array
+from cislunar.runtime import Array, require_path
 from cislunar.runtime.netcdf import read_dataset, write_text
 from cislunar.runtime.settings_fields import Positive, Section, Text, setting
 from cislunar.survey import SurveyModel
@@ -177,8 +177,10 @@ def read_scenario(folder: str | Path) -> BenchmarkScenario:
     Raises
     ------
     ConfigurationError, InputFileError
-        If a file is missing or was changed, or the scenario has an unknown or impossible value.
+        If `folder` is not a path, a file is missing or was changed, or the scenario has an unknown
+        or impossible value.
     """
+    require_path("folder", folder)
     path = Path(folder) / SCENARIO
     text = read_text(path, "a benchmark's scenario")
     _require_unchanged(Path(folder), _PUBLIC, "get the original file")

@@ -100,8 +100,8 @@ def ades_text(
     Raises
     ------
     ConfigurationError
-        If a column is missing, an observation is not named, a value is not allowed by the standard,
-        or the context is incomplete.
+        If `table` is not a DataFrame, a column is missing, an observation is not named, a value is
+        not allowed by the standard, or the context is incomplete.
     """
     given = checked(table, (*_COLUMNS, "obsID", "observatory"))
     defaults = {"mode": mode, "astCat": catalog, "band": band}
@@ -198,6 +198,8 @@ def read_ades(path: str | Path) -> pd.DataFrame:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the file is not such a file, a row is incomplete or has an unusable value, or there are
         observations other than directions. The message names file and line.

@@ -78,8 +78,8 @@ def aem_text(
     Raises
     ------
     ConfigurationError
-        If a segment has no attitudes, a quaternion is not of unit norm, or an angular velocity is
-        not finite.
+        If a segment has no attitudes, times that do not increase, or arrays of unequal lengths, a
+        quaternion is not of unit norm, or an angular velocity is not finite.
     """
     stated = (
         *comments,
@@ -91,8 +91,10 @@ def aem_text(
         of, kind = f"of {segment.name}", "QUATERNION"
         rows = array_of(f"quaternion {of}", segment.quaternion, ("time", 4))
         require_unit(f"quaternion {of}", rows, "time")
+        kvn.require_times(f"tdb_s {of}", segment.tdb_s, len(rows))
         if len(segment.angular_velocity_deg_s):
-            rates = array_of(f"angular velocity {of}", segment.angular_velocity_deg_s, ("time", 3))
+            name, axes = f"angular velocity {of}", (len(rows), 3)
+            rates = array_of(name, segment.angular_velocity_deg_s, axes)
             rows, kind = np.hstack([rows, rates]), "QUATERNION/ANGVEL"
         dated = kvn.dates(segment.tdb_s, time_system)
         values = segment.name, segment.object_id, kvn.FRAMES[0], segment.body, time_system
@@ -120,6 +122,8 @@ def read_aem(path: str | Path) -> list[AttitudeSegment]:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the file is not such a message, is truncated, or has another attitude type, frames or
         time scale, or a quaternion that is not of unit norm. The message names file and line.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.ephemeris.bodies import tabulate_bodies
@@ -21,7 +22,7 @@ from cislunar.exchange.inertial import (
 )
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment
-from cislunar.runtime.arguments import Array
+from cislunar.runtime.arguments import Array, array_of
 
 COMMENTS = (
     "States of the circular restricted three-body problem of Earth and Moon,",
@@ -76,14 +77,18 @@ def arc(
     Raises
     ------
     ConfigurationError
-        If the center is unknown.
+        If the center is unknown, an array is not finite or of the wrong shape, or `state` is in
+        another unit.
     """
-    times = np.asarray(elapsed_s, dtype=float)
-    states = inertial_states(state, times, epoch, center)
+    times = array_of("elapsed_s", elapsed_s, ("time",))
+    given = array_of("state", state, (times.size, 6))
+    require_nondimensional("state", given[:1])  # the states of a lost estimate may be far away
+    states = inertial_states(given, times, epoch, center)
     found = Segment(name, object_id or name, center, tdb_after(epoch.tdb_s, times), states)
     if covariance is None:
         return found
-    return _with_covariance(found, inertial_covariances(covariance, times, epoch))
+    matrices = array_of("covariance", covariance, (times.size, 6, 6))
+    return _with_covariance(found, inertial_covariances(matrices, times, epoch))
 
 
 def _with_covariance(found: Segment, covariance: Array) -> Segment:
@@ -123,18 +128,20 @@ def inertial_arc(
     Raises
     ------
     ConfigurationError, InputFileError
-        If the center is unknown, or the kernel is missing or does not cover the arc.
+        If the center is unknown, an array is not finite or of the wrong shape, or the kernel is
+        missing or does not cover the arc.
     """
-    times = np.asarray(tdb_s, dtype=float)
+    times = array_of("tdb_s", tdb_s, ("time",))
     origin_of(center)
-    moved = np.asarray(state, dtype=float) * UNITS
+    moved = array_of("state", state, (times.size, 6)) * UNITS
     if (origin := CENTERS[center]) != BARYCENTER:
         table = tabulate_bodies(float(times.min()), float(times.max()), kernel)
         moved = recenter(moved, table, times, old=BARYCENTER, new=origin)
     found = Segment(name, object_id or name, center, times, moved)
     if covariance is None:
         return found
-    return _with_covariance(found, np.asarray(covariance, dtype=float) * np.outer(UNITS, UNITS))
+    matrices = array_of("covariance", covariance, (times.size, 6, 6))
+    return _with_covariance(found, matrices * np.outer(UNITS, UNITS))
 
 
 def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:

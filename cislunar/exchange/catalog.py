@@ -60,6 +60,8 @@ def read_catalog(path: str | Path) -> _CatalogRows:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If a column is missing or in another unit, a row is unusable, an Id occurs twice, or the
         mass ratio is not the Moon's.

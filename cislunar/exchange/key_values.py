@@ -24,7 +24,7 @@ from cislunar.ephemeris.time_scales import (
 )
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange.table_rows import read_number
-from cislunar.runtime.arguments import Array
+from cislunar.runtime.arguments import Array, array_of, require_path
 
 Lines = list[tuple[int, str]]
 """Lines of a message without blanks and comments, with their numbers."""
@@ -111,8 +111,17 @@ def from_lower_triangle(elements: ArrayLike) -> Array:
     return matrix + np.tril(matrix, -1).T
 
 
+def require_times(name: str, tdb_s: ArrayLike, rows: int) -> None:
+    """Raise a `ConfigurationError` if times `name` are not finite, do not increase, or are not as
+    many as `rows`."""
+    if np.any(np.diff(array_of(name, tdb_s, (rows,))) <= 0.0):
+        raise ConfigurationError(f"{name} does not increase; sort the rows by time")
+
+
 def read_text(path: str | Path, what: str) -> str:
-    """Text of a file in UTF-8; raises an `InputFileError` if there is none."""
+    """Text of a file in UTF-8; raises an `InputFileError` if there is none, and a
+    `ConfigurationError` if `path` is not a path."""
+    require_path("path", path)
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:

@@ -18,7 +18,7 @@ from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.key_values import dates
-from cislunar.runtime.arguments import Array
+from cislunar.runtime.arguments import Array, require_kind
 
 REQUIRED = ("stn", "obsTime", "ra", "dec")
 """Columns of every table of observations."""
@@ -101,7 +101,10 @@ def checked(
     fault
         If a required column is missing or has an empty value, a number is invalid or outside of its
         range, or a date is none.
+    ConfigurationError
+        If `table` is not a DataFrame.
     """
+    require_kind(place, table, pd.DataFrame, "give a table (DataFrame)")
     missing = ", ".join(name for name in required if name not in table)
     if missing:
         words = f"columns {missing} are missing; the table needs {', '.join(required)}"

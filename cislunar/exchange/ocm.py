@@ -17,7 +17,7 @@ from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import key_values as kvn
-from cislunar.exchange.oem import Segment, require_units
+from cislunar.exchange.oem import Segment, require_segment, require_units
 from cislunar.runtime.arguments import Array
 
 _PREFIX = "USER_DEFINED_"
@@ -118,7 +118,8 @@ def ocm_text(
     Raises
     ------
     ConfigurationError
-        If there is no state, a name is unusable or occurs twice, or a number is not finite.
+        If the arc cannot be written (see `cislunar.exchange.oem.require_segment`), a name is
+        unusable or occurs twice, or a number is not finite.
     """
     user = dict(user_defined or {})
     _check(arc, maneuvers, user)
@@ -168,10 +169,7 @@ def ocm_text(
 
 def _check(arc: Segment, maneuvers: Sequence[Maneuver], user: Mapping[str, object]) -> None:
     """Refuse content that a message cannot have."""
-    if not len(arc.state) or not np.all(np.isfinite(arc.state)):
-        raise ConfigurationError(f"object {arc.name}: give at least one state, of finite numbers")
-    if not np.all(np.isfinite(arc.covariance)):
-        raise ConfigurationError(f"object {arc.name}: covariances must be finite")
+    require_segment(arc)
     names = [each.name for each in maneuvers]
     for each in maneuvers:
         sigmas = np.array([each.magnitude_sigma_percent, each.direction_sigma_deg])
@@ -211,6 +209,8 @@ def read_ocm(path: str | Path) -> ObjectRecord:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the file is not such a message, is truncated, or has a frame, center, element set or
         composition that cannot be converted. The message names file and line.

@@ -13,10 +13,10 @@ from scipy.interpolate import KroghInterpolator
 
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import clock_text
-from cislunar.errors import InputFileError
+from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import key_values as kvn
 from cislunar.exchange.table_rows import read_number
-from cislunar.runtime.arguments import Array
+from cislunar.runtime.arguments import Array, array_of
 
 _REQUIRED = (
     *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME"),
@@ -82,11 +82,15 @@ def oem_text(
     Raises
     ------
     ConfigurationError
-        If `created` is no date, the time scale is unknown, a UTC date lies before 1972, or a name
-        is not a printable text of one line.
+        If `created` is no date, the time scale is unknown, a UTC date lies before 1972, a name is
+        not a printable text of one line, there is no segment, or one cannot be written (see
+        `require_segment`).
     """
     lines = kvn.header("OEM", "2.0", created, comments, originator)
-    for segment in segments:
+    if not (given := list(segments)):
+        raise ConfigurationError("segments is empty; give at least one")
+    for segment in given:
+        require_segment(segment)
         dated = kvn.dates(segment.tdb_s, time_system)
         values = segment.name, segment.object_id, segment.center, kvn.FRAMES[0], time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1]), strict=True))
@@ -101,6 +105,17 @@ def oem_text(
                 matrices += [f"EPOCH = {date}", *rows]
             lines += ["", *kvn.block("COVARIANCE", {}, matrices)]
     return "\n".join(lines) + "\n"
+
+
+def require_segment(segment: Segment) -> None:
+    """Raise a `ConfigurationError` if a segment has no state, times that do not increase, values
+    that are not finite, or arrays of the wrong shape."""
+    of = f"of {segment.name}"
+    state = array_of(f"state {of}", segment.state, ("time", 6))
+    kvn.require_times(f"tdb_s {of}", segment.tdb_s, len(state))
+    if len(segment.covariance):
+        matrices = array_of(f"covariance {of}", segment.covariance, ("time", 6, 6))
+        kvn.require_times(f"covariance_tdb_s {of}", segment.covariance_tdb_s, len(matrices))
 
 
 def read_oem(path: str | Path) -> list[Segment]:
@@ -118,6 +133,8 @@ def read_oem(path: str | Path) -> list[Segment]:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the file is not such a message, is truncated, or has a frame, center, time scale or unit
         that cannot be converted. The message names file and line.

@@ -25,7 +25,7 @@ from cislunar.exchange.key_values import (
     lower_triangle,
     read_date,
 )
-from cislunar.exchange.oem import Segment
+from cislunar.exchange.oem import Segment, require_segment
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
 
 _STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
@@ -56,9 +56,12 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
     Raises
     ------
     ConfigurationError
-        If the time scale is unknown, or a UTC date lies before 1972.
+        If the time scale is unknown, a UTC date lies before 1972, or a segment cannot be written
+        (see `cislunar.exchange.oem.require_segment`).
     """
     given = list(segments)
+    for each in given:
+        require_segment(each)
     covariance = _COVARIANCE if any(len(each.covariance) for each in given) else ()
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
@@ -90,6 +93,8 @@ def read_segments(path: str | Path) -> list[Segment]:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If a column is missing, the time scale or the frame is not stated, or a row cannot be used.
         The message names file and row.

@@ -21,7 +21,7 @@ from cislunar.constants import (
 )
 from cislunar.dynamics.bounds import check_period, check_position, check_velocity
 from cislunar.errors import ConvergenceError, InputFileError
-from cislunar.runtime.arguments import Array
+from cislunar.runtime.arguments import Array, require_path
 
 Quantity = tuple[tuple[str, ...], tuple[str, ...], float]
 """Columns of a quantity, nondimensional and practical, and its unit in the practical one."""
@@ -47,8 +47,10 @@ def read_lines(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
     """Fields of every line of a table in UTF-8, with the line number; a row has a `what`.
 
     Blank lines are empty lists. A quoted field may contain line breaks; its row has the number of
-    its last line. An `InputFileError` if the file cannot be read.
+    its last line. An `InputFileError` if the file cannot be read, and a `ConfigurationError` if
+    `path` is not a path.
     """
+    require_path("path", path)
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, skipinitialspace=True)

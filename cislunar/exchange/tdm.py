@@ -71,10 +71,13 @@ def tdm_text(
     Raises
     ------
     ConfigurationError
-        If a column is missing, a value is unusable, an observation has neither an object nor a
-        tracklet nor an identifier, or the rows of a segment are not in order of time.
+        If `table` is not a DataFrame, has no row or lacks a column, a value is unusable, an
+        observation has neither an object nor a tracklet nor an identifier, or the rows of a segment
+        are not in order of time.
     """
     given = checked(table, ("mag", *OBJECT_NAMES, "trkSub", "obsID"))
+    if given.empty:
+        raise ConfigurationError("observations: the table has no row; give at least one")
     tdb, name = given["tdb"].to_numpy(), object_of(given)
     dated = kvn.dates(tdb, time_system)
     track = given["trkSub"].to_numpy()
@@ -134,6 +137,8 @@ def read_tdm(path: str | Path) -> pd.DataFrame:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the file is not such a message, is truncated, has no angles or magnitudes, or has angles
         of another type or frame. The message names file and line.

@@ -93,6 +93,8 @@ def load_observers(path: str | Path) -> list[Observer]:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the table or a row is unusable; the message names the file, the row and the observer.
     """

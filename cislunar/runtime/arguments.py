@@ -1,5 +1,6 @@
 """Arguments of public functions: wrong kinds, shapes and numbers are refused in one line."""
 
+import os
 from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any
@@ -130,6 +131,11 @@ def require_kind(name: str, given: Any, kind: Any, remedy: str) -> None:
     """Raise a `ConfigurationError` with a remedy if an argument is not an instance of `kind`."""
     if not isinstance(given, kind):
         raise ConfigurationError(f"{name} = {shown(given)}: {remedy}")
+
+
+def require_path(name: str, given: Any) -> None:
+    """Raise a `ConfigurationError` if an argument is not the path of a file or a folder."""
+    require_kind(name, given, str | os.PathLike, "give the path of a file or a folder")
 
 
 def _shape_in_words(axes: Sequence[str | int] | None) -> str:

@@ -45,10 +45,11 @@ def read_study(path: str | Path) -> Study:
     Raises
     ------
     ConfigurationError, InputFileError
-        If the file cannot be read, or for the reasons of `cislunar.Study`.
+        If `path` is not a path or the file cannot be read, or for the reasons of `cislunar.Study`.
     """
+    text = read_text(path, "a study in YAML")
     try:
-        given: Any = yaml.load(read_text(path, "a study in YAML"), _Loader)
+        given: Any = yaml.load(text, _Loader)
     except yaml.YAMLError as error:
         raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
     except ConfigurationError as error:

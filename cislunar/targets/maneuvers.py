@@ -195,6 +195,8 @@ def load_maneuvers(
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the table is faulty, or a maneuver is not within the run or overlaps another one of its
         target. The message names the file and the row as an editor numbers it.

@@ -54,6 +54,8 @@ def load_missions(path: str | Path) -> pd.DataFrame:
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the table or a row is unusable, or a Jacobi constant has no zero-velocity surface outside
         of the Moon; the message names the file, the row (the header is row 1) and the mission.

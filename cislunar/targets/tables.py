@@ -48,7 +48,7 @@ from cislunar.exchange.table_rows import (
     row_position,
     row_state,
 )
-from cislunar.runtime import Array, number_of
+from cislunar.runtime import Array, number_of, require_path
 
 
 class TargetStates(NamedTuple):
@@ -85,6 +85,7 @@ class _TargetPositions(NamedTuple):
 
 def is_message(path: str | Path) -> bool:
     """Whether a file of moving targets is an OEM, whose states depend on the epoch."""
+    require_path("path", path)
     return Path(path).suffix.lower() == ".oem"
 
 
@@ -105,6 +106,8 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
 
     Raises
     ------
+    ConfigurationError
+        If `path` is not a path.
     InputFileError
         If the table or a row is unusable: a number in a wrong unit (`cislunar.dynamics.bounds`), a
         target inside the Earth or the Moon, or an OEM that does not cover the epoch. The message

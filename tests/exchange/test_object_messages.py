@@ -139,6 +139,13 @@ def test_attitudes_that_are_none_are_not_written(attitudes):
     ):
         with pytest.raises(ConfigurationError, match=message):
             aem_text([attitudes[0]._replace(quaternion=wrong)], created=CREATED)
+    for change, message in (
+        ({"tdb_s": attitudes[0].tdb_s[1:]}, r"tdb_s of HALO 1 has shape \(11,\)"),
+        ({"tdb_s": attitudes[0].tdb_s[::-1]}, "tdb_s of HALO 1 does not increase"),
+        ({"angular_velocity_deg_s": np.ones((2, 3))}, "angular velocity of HALO 1 has shape"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            aem_text([attitudes[0]._replace(**change)], created=CREATED)
 
 
 # orbit comprehensive messages

@@ -272,6 +272,10 @@ def test_tables_without_a_column_or_an_entry_of_the_header_are_refused(table):
     for write in (ades_text, lambda given: tdm_text(given, created=CREATED)):
         with pytest.raises(ConfigurationError, match="columns ra are missing; the table needs"):
             write(table.drop(columns="ra"))
+        with pytest.raises(ConfigurationError, match="observations = None: give a table"):
+            write(None)
+    with pytest.raises(ConfigurationError, match="observations: the table has no row"):
+        tdm_text(table.head(0), created=CREATED)
     with pytest.raises(ConfigurationError, match="context: telescope needs aperture"):
         ades_text(table.assign(trkSub="t"), context=CONTEXT | {"telescope": {"design": "R"}})
     with pytest.raises(ConfigurationError, match="row 1: names neither an object nor a tracklet"):

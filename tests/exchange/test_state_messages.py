@@ -8,14 +8,18 @@ import pytest
 from halo_message import HALO, written
 from message_files import file_of, spoil
 
+from cislunar import exchange, targets
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate
 from cislunar.ephemeris.time_scales import clock_text, julian_date, tdb_to_clock
-from cislunar.errors import InputFileError
-from cislunar.exchange.arcs import arc, rotating_arc
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.arcs import arc, inertial_arc, rotating_arc
 from cislunar.exchange.inertial import epoch_at, inertial_states
-from cislunar.exchange.oem import read_oem, state_at
+from cislunar.exchange.ocm import ocm_text
+from cislunar.exchange.oem import oem_text, read_oem, state_at
 from cislunar.exchange.state_tables import read_segments, segments_csv
+from cislunar.orbits import load_observers
+from cislunar.study import read_study
 
 
 @pytest.mark.parametrize("system", ["UTC", "TDB"])
@@ -155,3 +159,57 @@ def test_a_faulty_table_is_refused_in_a_line(segment, tmp_path, old, new, messag
     path = file_of(tmp_path, spoil(segments_csv([segment]), old, new), "arc.csv")
     with pytest.raises(InputFileError, match=message):
         read_segments(path)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda each: {"state": each.state * np.nan}, "state of HALO 1 of time 0 is not finite"),
+        (lambda each: {"state": each.state[:, :3]}, r"state of HALO 1 has shape \(24, 3\)"),
+        (lambda each: {"state": each.state[1:]}, r"tdb_s of HALO 1 has shape \(24,\)"),
+        (lambda each: {"tdb_s": each.tdb_s[::-1]}, "tdb_s of HALO 1 does not increase"),
+        (lambda each: {"covariance": each.covariance[1:]}, "covariance_tdb_s of HALO 1 has shape"),
+        (lambda each: {"covariance": each.covariance * np.inf}, "covariance of HALO 1 of time 0"),
+    ],
+)
+def test_segments_that_cannot_be_read_are_not_written(segment, change, message):
+    wrong = segment._replace(**change(segment))
+    created = "2030-01-01T00:00:00"
+    for write in (
+        written,
+        lambda each: segments_csv([each]),
+        lambda e: ocm_text(e, created=created),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            write(wrong)
+    with pytest.raises(ConfigurationError, match="segments is empty"):
+        oem_text([], created=created)
+
+
+def test_impossible_arcs_are_refused(epoch):
+    times, states = np.arange(3.0), np.tile(HALO, (3, 1))
+    for given, message in (
+        ((states[:2], times), r"state has shape \(2, 6\)"),
+        ((states * np.nan, times), "state is not finite"),
+        ((states, times[:, None]), r"has shape \(3, 1\)"),
+        ((states, times, np.eye(6)), r"covariance has shape \(6, 6\)"),
+    ):
+        matrices = {"covariance": given[2]} if len(given) > 2 else {}
+        with pytest.raises(ConfigurationError, match=message):
+            arc("HALO", *given[:2], epoch, **matrices)
+        with pytest.raises(ConfigurationError, match=message):
+            inertial_arc("HALO", *given[:2], center="EARTH BARYCENTER", **matrices)
+    with pytest.raises(ConfigurationError, match=r"state: .* divide km by LENGTH_UNIT_KM"):
+        arc("HALO", states * 4e5, times, epoch)
+
+
+@pytest.mark.parametrize("path", [None, 3])
+def test_paths_that_are_none_are_refused(path):
+    readers = (
+        *(read_oem, exchange.read_ocm, exchange.read_aem, exchange.read_tdm, exchange.read_ades),
+        *(read_segments, exchange.read_catalog, targets.load_missions, targets.load_target_states),
+        *(lambda given: targets.load_maneuvers(given, 1.0), load_observers, read_study),
+    )
+    for read in readers:
+        with pytest.raises(ConfigurationError, match=f"path = {path}: give the path of a file"):
+            read(path)
