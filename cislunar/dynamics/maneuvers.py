@@ -16,7 +16,8 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_targets
-from cislunar.runtime import Array
+from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array, array_of, indices_of, number_of
 
 VELOCITY_UNIT_M_S = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
 """Nondimensional unit of velocity, m/s."""
@@ -59,8 +60,16 @@ def burn_times(start_s: float, duration_s: float) -> Array:
     Returns
     -------
     ndarray, shape (impulse,)
-        Midpoints of parts of at most `PART_S`, s.
+        Midpoints of parts of at most 10 s, s.
+
+    Raises
+    ------
+    ConfigurationError
+        If a time is not finite, or the duration is negative.
     """
+    number_of("start_s", start_s)
+    if number_of("duration_s", duration_s) < 0.0:
+        raise ConfigurationError(f"duration_s = {duration_s} must not be negative")
     count = max(1, int(np.ceil(duration_s / PART_S)))
     return start_s + duration_s * (np.arange(count) + 0.5) / count
 
@@ -137,9 +146,13 @@ def propagate_with_impulses(
     Raises
     ------
     ConfigurationError
-        If the force model does not cover the times.
+        If the force model does not cover the times, an impulse is of a state that does not exist,
+        or times and changes of velocity are not finite or not as many as the impulses.
     """
     out = propagate_bundle(state, dt, n_steps, forces=forces, start=start)
+    count = indices_of("impulses.index", impulses.index, len(out)).size
+    array_of("impulses.time", impulses.time, (count,))
+    array_of("impulses.velocity", impulses.velocity, (count, 3))
     step = np.floor((impulses.time - start) / dt + _NEAR).astype(np.int64)
     within = (step >= 0) & (step < n_steps)
     for j in np.unique(impulses.index[within]):

@@ -351,12 +351,15 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
     Raises
     ------
     ConfigurationError, ConvergenceError
-        If the states cannot be propagated; see `propagate_many`.
+        If the states cannot be propagated (see `propagate_many`), or a period is negative or not
+        one of each state.
     """
-    states = np.array(state, dtype=float)
-    if time == 0.0:
+    states, periods = _state_rows(state, EARTH_MOON).copy(), array_of("period", period)
+    if np.any(array_of("period", periods, (len(states),)) < 0.0):
+        raise ConfigurationError("period must not be negative; it is 0 for an open trajectory")
+    if number_of("time", time) == 0.0:
         return states
-    times = _wrapped(time, period)[:, None]
+    times = _wrapped(time, periods)[:, None]
     return propagate_many(states, times, forces=CR3BP(mu), method="dop853")[:, 0]
 
 

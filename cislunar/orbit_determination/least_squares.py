@@ -22,7 +22,7 @@ from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.runtime.arguments import Array, Indices, array_of
+from cislunar.runtime.arguments import Array, Indices, array_of, indices_of
 
 CONVERGED, NOT_CONVERGED, SINGULAR, NOT_PROPAGATED = 0, 1, 2, 3
 """Status of a fit. The normal matrix of a singular one has no inverse in double precision; the
@@ -302,11 +302,14 @@ def fit_orbits(
     Raises
     ------
     ConfigurationError
-        If a fit has fewer than three rows, shapes disagree, or the force model does not cover the
-        times.
+        If a fit has fewer than three rows, rows do not exist or do not increase, shapes disagree,
+        or the force model does not cover the times.
     """
-    starts = np.array(array_of("state", state, finite=False)).reshape(-1, 6)
-    parts = [np.asarray(each, dtype=np.int64) for each in rows]
+    given = array_of("state", state, finite=False)
+    if given.size and given.shape != (6,):
+        array_of("state", given, ("fit", 6), finite=False)
+    starts = given.reshape(-1, 6).copy()
+    parts = [np.ravel(each) for each in rows]
     if len(parts) != len(starts):
         raise ConfigurationError(
             f"rows: sets {len(parts)}, states {len(starts)}; give one set of rows for each state"
@@ -316,9 +319,15 @@ def fit_orbits(
             raise ConfigurationError(
                 f"fit {k} has {part.size} directions; six components need at least three"
             )
-    epochs = np.array(np.broadcast_to(np.asarray(epoch, dtype=float), len(starts)))
+    times = array_of("epoch", epoch)
+    times = np.broadcast_to(times, len(starts)) if times.shape in ((), (1,)) else times
+    epochs = array_of("epoch", times, (len(starts),)).copy()
     begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
-    row = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+    row = indices_of("rows", np.concatenate([np.empty(0), *parts]), angles.time.size)
+    increases = np.diff(row) > 0
+    increases[begin[1:-1] - 1] = True  # from one fit to the next
+    if not np.all(increases):
+        raise ConfigurationError("rows of a fit do not increase; sort them and use each once")
     n, m = len(starts), row.size
     out = OrbitFits(
         epochs, starts, np.full((n, 6, 6), np.nan), np.full((n, 6, 6), np.nan),

@@ -117,6 +117,17 @@ def count_of(name: str, given: Any, least: int = 1, most: int | None = None) -> 
     return int(given)
 
 
+def indices_of(name: str, given: ArrayLike, count: int) -> Indices:
+    """An argument as an array of indices below a count; raises a `ConfigurationError`."""
+    found = array_of(name, given)
+    wrong = (found < 0.0) | (found >= count) | (found != np.floor(found))
+    if np.any(wrong):
+        raise ConfigurationError(
+            f"{name}: {found[wrong][0]:g} must be a whole number of at least 0 and below {count:,}"
+        )
+    return found.astype(np.int64)
+
+
 def require_choice(name: str, given: Any, choices: Iterable[str]) -> None:
     """Raise a `ConfigurationError` if an argument is none of the known names."""
     names = list(choices)

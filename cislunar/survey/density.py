@@ -22,7 +22,7 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, propagate_bundle
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
-from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.arguments import array_of, count_of, indices_of, number_of
 
 _STEP_S = 300.0
 """Longest step of the propagation, for orbits of some hours about Earth and Moon."""
@@ -90,8 +90,9 @@ class ObjectDensity:
 
     def advance(self, time: float) -> None:
         """Propagate to a later time, nondimensional. Particles that hit a body or leave the region
-        lose their weight and stay where they are."""
-        span = float(time) - self.time
+        lose their weight and stay where they are. A time that is not finite or earlier than the
+        last one raises a `ConfigurationError`."""
+        span = number_of("time", time) - self.time
         if span < 0.0:
             raise ConfigurationError(
                 f"time = {time} is before {self.time}; advance in order of time"
@@ -140,11 +141,19 @@ class ObjectDensity:
         Raises
         ------
         ConfigurationError
-            If the probabilities have another shape, or one is not between 0 and 1.
+            If the probabilities have another shape, or one is not between 0 and 1, a particle does
+            not exist, the likelihood has another shape or is not finite, or `false_alarms` or
+            `visits` is impossible.
         """
-        which = np.asarray(particles, dtype=np.int64)
+        which = indices_of("particles", particles, len(self.weight))
         chance = array_of("probability", probability, (len(self.weight),))
-        part = chance[which] * self.weight[which] * np.asarray(likelihood, dtype=float)
+        density = array_of("likelihood", likelihood)
+        if density.size:
+            array_of("likelihood", density, ("detection", which.size))
+        if number_of("false_alarms", false_alarms) < 0.0:
+            raise ConfigurationError(f"false_alarms = {false_alarms} must not be negative")
+        count_of("visits", visits)
+        part = chance[which] * self.weight[which] * density
         total = part.sum(axis=1) + false_alarms
         share = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
         self.missed(chance)

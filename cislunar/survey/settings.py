@@ -56,7 +56,7 @@ class DensityPrior(Section):
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of each source, with the sum 1."""
+        """Share of each source, with the sum 1; raises a `ConfigurationError` if all are zero."""
         given = {name: float(getattr(self, name)) for name in SOURCES}
         total = sum(given.values())
         if not total > 0.0:
@@ -193,7 +193,8 @@ class SurveyModel(Section):
 
     @property
     def blocks_per_link(self) -> int:
-        """Blocks between two runs of linking."""
+        """Blocks between two runs of linking; raises a `ConfigurationError` if `link_hours` is not
+        a multiple of the block."""
         per_link = 60.0 * self.link_hours / self.search.block_minutes
         found = round(per_link)
         if abs(per_link - found) > 1e-9 or found < 1:
@@ -205,7 +206,8 @@ class SurveyModel(Section):
 
     @property
     def blocks_late(self) -> int:
-        """Blocks after which data reach the catalog."""
+        """Blocks after which data reach the catalog; raises a `ConfigurationError` if
+        `latency_minutes` is not a multiple of the block or not less than `link_hours`."""
         late = self.latency_minutes / self.search.block_minutes
         found = round(late)
         if abs(late - found) > 1e-9 or found >= self.blocks_per_link:

@@ -13,7 +13,7 @@ from cislunar.dynamics import primary_distances, require_nondimensional
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime import Array, array_of, count_of, require_kind
+from cislunar.runtime import Array, array_of, count_of, number_of, require_kind
 from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, setting
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
@@ -91,11 +91,10 @@ def observation_times(duration_days: float, step_hours: float) -> Array:
     Raises
     ------
     ConfigurationError
-        If the step is not positive or does not divide the horizon.
+        If a number is not finite, or the step is not positive or does not divide the horizon.
     """
-    if not step_hours > 0.0:
-        raise ConfigurationError(f"step_hours = {step_hours} must be positive")
-    steps = duration_days * 24.0 / step_hours
+    number_of("step_hours", step_hours, positive=True)
+    steps = number_of("duration_days", duration_days) * 24.0 / step_hours
     if steps < 0.0 or abs(steps - round(steps)) > 1e-9:
         raise ConfigurationError(
             f"duration_days = {duration_days} is not a whole number of steps of "
@@ -162,6 +161,8 @@ def count_visibility(
     ------
     ConfigurationError
         If an input is impossible, or a state or a target is not finite or evidently in km.
+    ConvergenceError
+        If a satellite meets the center of a primary.
     """
     state = array_of("state", np.atleast_2d(array_of("state", state)), ("orbit", 6))
     period = array_of("period", np.atleast_1d(array_of("period", period)), (len(state),))

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.errors import ConfigurationError
+from cislunar.runtime import count_of
 
 
 def distinct_phases(max_satellites: int) -> tuple[NDArray[np.float64], list[NDArray[np.intp]]]:
@@ -31,10 +31,9 @@ def distinct_phases(max_satellites: int) -> tuple[NDArray[np.float64], list[NDAr
     Raises
     ------
     ConfigurationError
-        If `max_satellites` is less than 1.
+        If `max_satellites` is not a whole number of at least 1.
     """
-    if max_satellites < 1:
-        raise ConfigurationError(f"max_satellites = {max_satellites} must be at least 1")
+    count_of("max_satellites", max_satellites)
     per_count = [[Fraction(j, n) for j in range(n)] for n in range(1, max_satellites + 1)]
     ordered = sorted(set().union(*per_count))
     position = {fraction: index for index, fraction in enumerate(ordered)}

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics import CR3BP, propagate, propagate_periodic
-from cislunar.runtime import Array
+from cislunar.errors import ConfigurationError
+from cislunar.runtime import Array, array_of
 
 
 def satellite_tracks(
@@ -46,15 +47,16 @@ def satellite_tracks(
     Raises
     ------
     ConfigurationError
-        If a period is negative, the propagator is unknown, or a state is not of 6 finite numbers or
-        is evidently in km.
+        If a period is negative or not one of each orbit, there is no orbit, the propagator is
+        unknown, another array is not finite or of the wrong shape, or a state is not of 6 finite
+        numbers or is evidently in km.
     ConvergenceError
         If a satellite meets the center of a primary.
     """
-    times = np.asarray(times, dtype=float)
-    phase = np.asarray(phase, dtype=float)
+    times, phase = array_of("times", times, ("time",)), array_of("phase", phase, ("phase",))
+    states = array_of("state", state, ("orbit", 6))
     tracks = []
-    for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
+    for initial, duration in zip(states, array_of("period", period, (len(states),)), strict=True):
         shifted = (times[None, :] + phase[:, None] * duration).ravel()
         if duration == 0.0:
             path = propagate(initial, shifted, forces=CR3BP(mu), method=propagator)
@@ -95,10 +97,18 @@ def architecture_tracks(
     ConfigurationError, ConvergenceError
         If an argument is impossible, or a satellite meets a primary; see `satellite_tracks`.
     """
-    satellites = np.asarray(satellites)
-    ahead = np.broadcast_to(np.asarray(phase, dtype=float), satellites.shape)
+    states = array_of("state", state, ("slot", 6))
+    slots = (len(states),)
+    counts = array_of("satellites", satellites, slots)
+    if np.any((counts < 1.0) | (counts != np.floor(counts))):
+        raise ConfigurationError(
+            f"satellites = {counts.tolist()} must be whole numbers, at least 1"
+        )
+    ahead = array_of("phase", phase)
+    ahead = array_of("phase", np.broadcast_to(ahead, slots) if ahead.ndim == 0 else ahead, slots)
+    each = zip(states, array_of("period", period, slots), counts.astype(int), ahead, strict=True)
     tracks = [
         satellite_tracks([s], [p], a + np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
-        for s, p, n, a in zip(np.asarray(state), np.asarray(period), satellites, ahead, strict=True)
+        for s, p, n, a in each
     ]
     return np.concatenate(tracks)

@@ -344,6 +344,23 @@ def test_impossible_windows_are_refused(change, message):
         windows_of(**{"horizon_days": 6.0, "count": 2, "hours": 24.0} | change)
 
 
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"state": np.zeros(6)}, "state"),
+        ({"period": [1.0]}, "period has shape"),
+        ({"period": [-1.0, 0.0, 1.0]}, "period must not be negative"),
+    ],
+)
+def test_impossible_orbits_are_refused_at_the_epoch_too(change, message):
+    _, state, period, windows, _ = scene()
+    given = {"state": state, "period": period} | change
+    with pytest.raises(ConfigurationError, match=message):
+        advance_orbits(**given, time=0.0)
+    with pytest.raises(ConfigurationError, match=message):
+        moving_targets(**given, windows=windows)
+
+
 def test_impossible_settings_tables_and_numbers_are_refused():
     with pytest.raises(ConfigurationError, match=r"InformationTables, made by .* not a NoneType"):
         InformationObjective(None)

@@ -13,6 +13,7 @@ from cislunar.dynamics.maneuvers import (
     burn_times,
     propagate_with_impulses,
 )
+from cislunar.errors import ConfigurationError
 
 STATES = np.array(
     [
@@ -98,3 +99,21 @@ def test_without_impulses_nothing_changes():
     plain = propagate_bundle(STATES, STEP, 5)
     none = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
     np.testing.assert_array_equal(propagate_with_impulses(STATES, STEP, 5, none), plain)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"index": np.array([3])}, "impulses.index: 3 must be a whole number"),
+        ({"index": np.array([-1])}, "impulses.index: -1 must be a whole number"),
+        ({"time": np.array([np.nan])}, "impulses.time is not finite"),
+        ({"velocity": np.zeros(3)}, r"impulses.velocity has shape \(3,\)"),
+    ],
+)
+def test_impossible_impulses_are_refused(change, message):
+    impulses = Impulses(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros((1, 3)))
+    with pytest.raises(ConfigurationError, match=message):
+        propagate_with_impulses(STATES, STEP, 5, impulses._replace(**change))
+    for wrong in (np.nan, -1.0):
+        with pytest.raises(ConfigurationError, match=f"duration_s = {wrong}"):
+            burn_times(0.0, wrong)

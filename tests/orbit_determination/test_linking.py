@@ -67,7 +67,7 @@ def test_an_orbit_has_one_detection_in_an_exposure_at_most():
         own = exposure[found.detections(k)]
         assert np.unique(own).size == own.size
     rows = np.arange(0, angles.time.size, 2)
-    fits = fit_orbits(angles, [rows, np.append(rows, 1)], np.tile(OBJECTS[0], (2, 1)), 0.0)
+    fits = fit_orbits(angles, [rows, np.union1d(rows, [1])], np.tile(OBJECTS[0], (2, 1)), 0.0)
     score = log_scores(fits, angles, AdmissibleRegion(), LinkingSettings(), LOG_CLUTTER)
     assert np.isfinite(score[0]) and score[1] == -np.inf
 

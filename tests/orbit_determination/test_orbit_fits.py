@@ -170,6 +170,10 @@ def test_bad_input_is_refused_in_one_line():
     for call, words in (
         (lambda: fit_orbits(angles, [np.arange(2)], HALO[None], 0.0), "at least three"),
         (lambda: fit_orbits(angles, [], HALO[None], 0.0), "rows: sets 0, states 1"),
+        (lambda: fit_orbits(angles, [[0, 1, 6]], HALO[None], 0.0), "rows: 6 must be"),
+        (lambda: fit_orbits(angles, [[0, 2, 1]], HALO[None], 0.0), "rows of a fit do not increase"),
+        (lambda: fit_orbits(angles, [range(6)], [HALO[:3]] * 2, 0.0), "state has shape"),
+        (lambda: fit_orbits(angles, [range(6)], HALO[None], [0.0, 1.0]), "epoch has shape"),
         (lambda: make_angles(TIMES[::-1], OWNERS, at, way, SIGMA), "sort the rows"),
         (lambda: make_angles(TIMES, OWNERS, at, nowhere, SIGMA), "direction of row 2"),
         (lambda: make_angles(TIMES, OWNERS, at, way, 0.0), "sigma_rad of row 0"),

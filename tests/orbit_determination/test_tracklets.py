@@ -173,6 +173,14 @@ def test_tracklets_of_several_observers_or_of_one_time_are_refused():
     assert angles.observer[0] != angles.observer[1]
     with pytest.raises(ConfigurationError, match=r"rows \[0, 1\] has 2 observers and 2 times"):
         attributables(angles, mixed)
+    for given, words in (
+        ({"tracklets": [[0, angles.time.size]]}, "tracklets: .* must be a whole number"),
+        ({"tracklets": [[0, 1.5]]}, r"tracklets: 1\.5 must be a whole number"),
+        ({"tracklets": mixed[:1], "degree": -1}, "degree = -1 must be a whole number"),
+        ({"tracklets": [mixed[0][:2]], "degree": 2}, "degree = 2 needs 3 different times"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            attributables(angles, **given)
     same = make_angles([0.0, 0.0], [0, 0], np.zeros((2, 3)), np.eye(3)[:2], SIGMA)
     with pytest.raises(ConfigurationError, match="1 observers and 1 times"):
         attributables(same, [[0, 1]])

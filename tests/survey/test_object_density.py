@@ -136,3 +136,23 @@ def test_detections_raise_the_density_as_in_simulated_objects():
     np.testing.assert_allclose(again.weight, 1.0 - chance)
     again.observed([0.0, 1.0], [1], [[1.0], [1.0]], 0.0, visits=2)
     np.testing.assert_allclose(again.weight, [0.2, 1.0])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"likelihood": [[np.nan, 1.0]]},
+        {"likelihood": [1.0, 1.0]},
+        {"particles": [0, 2]},
+        {"false_alarms": -1.0},
+        {"visits": 0},
+    ],
+)
+def test_impossible_detections_are_refused(change):
+    density = ObjectDensity([HALO, RETROGRADE], [1.0, 1.0], 2.0)
+    given = {"particles": [0, 1], "likelihood": [[1.0, 1.0]], "false_alarms": 0.3}
+    with pytest.raises(ConfigurationError, match=f"^{next(iter(change))}"):
+        density.observed([0.5, 0.5], **given | change)
+    with pytest.raises(ConfigurationError, match="time = nan"):
+        density.advance(np.nan)
+    np.testing.assert_array_equal(density.weight, [1.0, 1.0])

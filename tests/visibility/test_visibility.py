@@ -23,7 +23,7 @@ from cislunar.visibility.counts import (
 )
 from cislunar.visibility.kernel import count_observations, count_observers, mark_observations
 from cislunar.visibility.phasing import distinct_phases
-from cislunar.visibility.tracks import satellite_tracks
+from cislunar.visibility.tracks import architecture_tracks, satellite_tracks
 
 SYNODIC_MONTH = 29.53 * 86_400.0 / TIME_UNIT_S
 UNIT_M = LENGTH_UNIT_KM * 1e3
@@ -213,9 +213,34 @@ def test_ten_satellites_need_32_phases():
         np.testing.assert_allclose(phase[rows], np.arange(n) / n, rtol=1e-15)
 
 
-def test_no_satellites_are_refused():
-    with pytest.raises(ConfigurationError, match="max_satellites = 0"):
-        distinct_phases(0)
+@pytest.mark.parametrize("count", [0, 2.5, None])
+def test_impossible_numbers_of_satellites_are_refused(count):
+    with pytest.raises(ConfigurationError, match=f"max_satellites = {count}"):
+        distinct_phases(count)
+
+
+HALO = [1.14, 0.0, -0.16, 0.0, -0.223, 0.0]
+
+
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda: satellite_tracks([HALO], [3.0, 3.0], [0.0], [0.0]), "period has shape"),
+        (lambda: satellite_tracks(np.empty((0, 6)), [], [0.0], [0.0]), "state has shape"),
+        (lambda: satellite_tracks([HALO], [3.0], 0.0, [0.0]), "phase has shape"),
+        (lambda: satellite_tracks([HALO], [3.0], [0.0], [np.nan]), "times of time 0"),
+        (lambda: architecture_tracks([HALO], [3.0], [0], [0.0]), r"satellites = \[0.0\]"),
+        (lambda: architecture_tracks([HALO], [3.0], [1.5], [0.0]), r"satellites = \[1.5\]"),
+        (lambda: architecture_tracks([HALO], [3.0], [1, 1], [0.0]), "satellites has shape"),
+        (lambda: architecture_tracks([HALO], [3.0], [1], [0.0], phase=[0, 0]), "phase has shape"),
+        (lambda: observation_times(np.nan, 1.0), "duration_days = nan"),
+        (lambda: observation_times(1.0, np.inf), "step_hours = inf"),
+        (lambda: observation_times("1", 1.0), "duration_days = '1'"),
+    ],
+)
+def test_impossible_tracks_and_times_are_refused(call, message):
+    with pytest.raises(ConfigurationError, match=message):
+        call()
 
 
 def test_paper_horizon():

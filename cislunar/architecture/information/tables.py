@@ -180,11 +180,13 @@ def moving_targets(state: ArrayLike, period: ArrayLike, windows: Windows) -> Mov
     Raises
     ------
     ConfigurationError
-        If a state is not of 6 finite numbers.
+        If a state is not of 6 finite numbers or is evidently in km, or a period is negative or not
+        one of each target.
     ConvergenceError
         If a target meets the center of a primary.
     """
-    states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
+    states = array_of("state", state, ("target", 6))
+    shape = (*windows.times.shape, len(states))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))
     for w, (start, times) in enumerate(zip(windows.start, windows.times, strict=True)):
         for j, at_start in enumerate(advance_orbits(states, period, float(start))):

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.angles import Angles, rotate_about_z, tangent_basis
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Indices, count_of, indices_of
 
 _CURVATURE_CHI_SQUARED = float(chi2.ppf(0.999, 2))
 """Decrease of chi squared from which a path is fitted with a curvature."""
@@ -103,9 +103,15 @@ def attributables(
     Raises
     ------
     ConfigurationError
-        If a tracklet has detections of several observers or at fewer than two different times.
+        If a tracklet has detections of several observers or at fewer than two different times, a
+        row does not exist, or the degree is not a whole number from 1 to one less than the number
+        of different times.
     """
-    sets = [np.sort(np.asarray(rows, dtype=np.int64)) for rows in tracklets]
+    if degree is not None:
+        count_of("degree", degree)
+    parts = [np.ravel(rows) for rows in tracklets]
+    indices_of("tracklets", np.concatenate([np.empty(0), *parts]), angles.time.size)
+    sets = [np.sort(rows.astype(np.int64)) for rows in parts]
     before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}
     at = np.array([before.get(rows.tobytes(), -1) for rows in sets], dtype=np.int64)
     size = np.array([rows.size for rows in sets], dtype=np.int64)
@@ -136,6 +142,10 @@ def _of_equal_size(angles: Angles, rows: Indices, rate: float, degree: int | Non
         raise ConfigurationError(
             f"a tracklet of rows {rows[k].tolist()} has {np.unique(owners[k]).size} observers and "
             f"{distinct[k]} times; it needs one observer and two different times"
+        )
+    if degree is not None and np.any(distinct <= degree):
+        raise ConfigurationError(
+            f"degree = {degree} needs {degree + 1} different times in every tracklet; lower it"
         )
     weight = 1.0 / np.trace(angles.covariance[rows], axis1=2, axis2=3)
     middle = np.sum(weight * times, axis=1) / np.sum(weight, axis=1)
