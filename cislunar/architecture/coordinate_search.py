@@ -176,7 +176,16 @@ def random_start(
     Returns
     -------
     orbit, satellites : ndarray of int, shape (slot,)
+
+    Raises
+    ------
+    ConfigurationError
+        If a number is impossible, or the slots cannot hold the total.
     """
+    count_of("n_slots", n_slots, most=count_of("n_orbits", n_orbits))
+    highest = n_slots * count_of("max_satellites", max_satellites)
+    if total is not None:
+        count_of("total", total, n_slots, highest)
     orbit = rng.choice(n_orbits, n_slots, replace=False)
     if total is None:
         return orbit, rng.integers(1, max_satellites + 1, n_slots)

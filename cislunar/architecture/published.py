@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.architecture.result import SearchResult
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import count_of
 
 PUBLISHED: dict[str, tuple[tuple[str, int], ...]] = {
     "A": (
@@ -99,8 +100,14 @@ def choose_members(
     Raises
     ------
     ConfigurationError
-        If a family has fewer members in the tables than it has slots, or a count is too large.
+        If there is no slot or no restart, a family has fewer members in the tables than it has
+        slots, or a count is impossible.
     """
+    count_of("restarts", restarts)
+    if not slots:
+        raise ConfigurationError("slots is empty; give a family and a number of satellites of each")
+    for family, count in slots:
+        count_of(f"slots: satellites of {family}", count)
     satellites = np.array([count for _, count in slots], dtype=np.int64)
     if satellites.max() > objective.max_satellites:
         raise ConfigurationError(

@@ -16,7 +16,7 @@ from cislunar.compiled import implements, njit_inline
 from cislunar.constants import MU
 from cislunar.dynamics import forces
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of, number_of, vectors_of
 
 
 class CR3BP(NamedTuple):
@@ -131,8 +131,13 @@ def primary_distances(position: ArrayLike, mu: float = MU) -> tuple[Array, Array
     -------
     d, r : ndarray, shape (...)
         Distance to the Earth and to the Moon, nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `position` has another length, or a value is not a number.
     """
-    p = np.asarray(position, dtype=float)
+    p = vectors_of("position", position, 3, 6)
     off_axis2 = p[..., 1] ** 2 + p[..., 2] ** 2
     d = np.sqrt((p[..., 0] + mu) ** 2 + off_axis2)
     r = np.sqrt((p[..., 0] - 1.0 + mu) ** 2 + off_axis2)
@@ -153,8 +158,13 @@ def equations_of_motion(state: ArrayLike, mu: float = MU) -> Array:
     -------
     ndarray, shape (..., 6)
         Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `state` has another length, or a value is not a number.
     """
-    s = np.asarray(state, dtype=float)
+    s = vectors_of("state", state, 6)
     d, r = primary_distances(s, mu)
     earth = (1.0 - mu) / d**3
     moon = mu / r**3
@@ -182,8 +192,13 @@ def pseudo_potential(position: ArrayLike, mu: float = MU) -> Array:
     -------
     ndarray, shape (...)
         Nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `position` has another length, or a value is not a number.
     """
-    p = np.asarray(position, dtype=float)
+    p = vectors_of("position", position, 3, 6)
     d, r = primary_distances(p, mu)
     return 0.5 * (p[..., 0] ** 2 + p[..., 1] ** 2) + (1.0 - mu) / d + mu / r
 
@@ -202,8 +217,13 @@ def jacobi_constant(state: ArrayLike, mu: float = MU) -> Array:
     -------
     ndarray, shape (...)
         Nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `state` has another length, or a value is not a number.
     """
-    s = np.asarray(state, dtype=float)
+    s = vectors_of("state", state, 6)
     return 2.0 * pseudo_potential(s, mu) - np.sum(s[..., 3:] ** 2, axis=-1)
 
 
@@ -221,8 +241,13 @@ def variational_matrix(state: ArrayLike, mu: float = MU) -> Array:
     -------
     ndarray, shape (6, 6)
         ``[[0, I], [U_rr, 2 J]]`` with ``J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the state is not of 6 numbers.
     """
-    second = _hessian(CR3BP(mu), *np.asarray(state, dtype=float))
+    second = _hessian(CR3BP(mu), *array_of("state", state, (6,), finite=False))
     matrix = np.zeros((6, 6))
     matrix[:3, 3:] = np.eye(3)
     matrix[3:] = np.transpose([_acceleration_change(second, *change) for change in np.eye(6)])
@@ -248,7 +273,7 @@ def libration_points(mu: float = MU) -> Array:
     ConfigurationError
         If the mass ratio lies outside of (0, 0.5].
     """
-    if not 0.0 < mu <= 0.5:
+    if not 0.0 < number_of("mu", mu) <= 0.5:
         raise ConfigurationError(f"mass ratio mu = {mu} must lie in (0, 0.5]")
 
     def axial_force(x: float) -> float:
@@ -286,5 +311,10 @@ def zero_velocity_function(position: ArrayLike, jacobi: ArrayLike, mu: float = M
     -------
     ndarray, shape (...)
         Nondimensional squared speed.
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `position` has another length, or a value is not a number.
     """
-    return 2.0 * pseudo_potential(position, mu) - np.asarray(jacobi, dtype=float)
+    return 2.0 * pseudo_potential(position, mu) - array_of("jacobi", jacobi, finite=False)

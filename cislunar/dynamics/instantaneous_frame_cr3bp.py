@@ -29,7 +29,7 @@ from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import lunar_frame, pulsating_frame, to_inertial
 from cislunar.ephemeris.bodies import GM_MOON, BodyTable
-from cislunar.runtime import Array
+from cislunar.runtime import Array, vectors_of
 
 LOW_LUNAR_KM = 20_000.0
 """Apolune radius below which an orbit is a low lunar orbit, km: a third of the Moon's Hill
@@ -95,7 +95,7 @@ def instantaneous_frame_cr3bp(
 
 
 def is_low_lunar(state: ArrayLike) -> NDArray[np.bool_]:
-    """Whether states lie on ellipses about the Moon with an apolune below `LOW_LUNAR_KM`.
+    """Whether states lie on ellipses about the Moon with an apolune below 20,000 km.
 
     Parameters
     ----------
@@ -105,8 +105,13 @@ def is_low_lunar(state: ArrayLike) -> NDArray[np.bool_]:
     Returns
     -------
     ndarray of bool, shape (...)
+
+    Raises
+    ------
+    ConfigurationError
+        If the last axis of `state` has another length, or a value is not a number.
     """
-    s = np.asarray(state, dtype=float)
+    s = vectors_of("state", state, 6)
     r = (s[..., :3] - [1.0 - MU, 0.0, 0.0]) * UNITS[0]
     # inertial velocity relative to the Moon
     v = (s[..., 3:] + np.cross([0.0, 0.0, 1.0], s[..., :3] - [1.0 - MU, 0.0, 0.0])) * UNITS[3]

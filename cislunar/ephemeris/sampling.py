@@ -35,7 +35,7 @@ from cislunar.ephemeris.kernel import (
 from cislunar.ephemeris.time_scales import julian_date, tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError
 from cislunar.quantities import date_of, in_unit
-from cislunar.runtime.arguments import Array, number_of, require_kind
+from cislunar.runtime.arguments import Array, array_of, number_of, require_kind
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,8 @@ def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
     -------
     ndarray, shape (..., 3, 3)
         Rows are the unit vectors x = r, z = r x v, y = z x x (normalized), so that
-        ``rotation @ inertial`` is the vector in the rotating frame.
+        ``rotation @ inertial`` is the vector in the rotating frame. They are NaN where the position
+        is zero or parallel to the velocity, which do not define the axes.
     """
     r = np.asarray(position, dtype=float)
     x = r / np.linalg.norm(r, axis=-1, keepdims=True)
@@ -176,11 +177,12 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
     Raises
     ------
     ConfigurationError
-        If a time lies outside of the sampled span.
+        If a time lies outside of the sampled span, or the samples are not finite or of another
+        shape.
     """
-    t = np.asarray(time, dtype=float)
-    grid = np.asarray(sample_time, dtype=float)
-    sun = np.asarray(sun_position, dtype=float)
+    t = array_of("time", time, finite=False)
+    grid = array_of("sample_time", sample_time, ("sample",))
+    sun = array_of("sun_position", sun_position, (grid.size, 3))
     slack = 1e-9  # rounding of a converted time (0.4 ms)
     if not np.all((t >= grid[0] - slack) & (t <= grid[-1] + slack)):
         days = TIME_UNIT_S / SECONDS_PER_DAY

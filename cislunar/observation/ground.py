@@ -14,7 +14,7 @@ from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of
 
 _EARTH = 399
 _POOL = {
@@ -39,7 +39,7 @@ def earth_rotation(time: ArrayLike) -> Array:
 def station_positions(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike
 ) -> Array:
-    """Earth-fixed positions of stations, km, ndarray of shape (station, 3).
+    """Earth-fixed positions of stations.
 
     Parameters
     ----------
@@ -48,17 +48,24 @@ def station_positions(
     height_m : array_like, shape (station,)
         Height above the ellipsoid, m.
 
+    Returns
+    -------
+    ndarray, shape (station, 3)
+        km.
+
     Raises
     ------
     ConfigurationError
-        If a station is not on the globe.
+        If a station is not on the globe, or the arrays are not finite or not of the same length.
     """
+    given = [array_of("latitude_deg", latitude_deg, ("station",))]
+    for name, each in (("longitude_deg", longitude_deg), ("height_m", height_m)):
+        given.append(array_of(name, each, given[0].shape))
     import spiceypy
 
     equatorial, polar = _RADII_KM
     found = []
-    for place in zip(latitude_deg, longitude_deg, height_m, strict=True):
-        latitude, longitude, height = (float(each) for each in place)
+    for latitude, longitude, height in np.transpose(given).tolist():
         if not (abs(latitude) <= 90.0 and -180.0 <= longitude <= 360.0 and abs(height) < 1e5):
             raise ConfigurationError(
                 f"station at latitude_deg = {latitude}, longitude_deg = {longitude}, height_m = "

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of
 
 
 class Schedule(NamedTuple):
@@ -74,7 +74,7 @@ def rows_of(records: Schedule | Measurements) -> tuple[NDArray[np.int64], NDArra
 
 
 def highest(records: Schedule | Measurements, codes: ArrayLike, none: int) -> NDArray:
-    """Largest of the rows' codes at every target and step, ndarray of shape (target, step).
+    """Largest of the rows' codes at every target and step.
 
     Parameters
     ----------
@@ -82,6 +82,10 @@ def highest(records: Schedule | Measurements, codes: ArrayLike, none: int) -> ND
     codes : array_like of bool or int, shape (row,)
     none : int
         Value where there is no row; not above any code.
+
+    Returns
+    -------
+    ndarray, shape (target, step)
     """
     values = np.asarray(codes)
     n_targets, n_offsets = records.offset.shape
@@ -90,19 +94,30 @@ def highest(records: Schedule | Measurements, codes: ArrayLike, none: int) -> ND
     return out
 
 
+def _indices(
+    target: ArrayLike, step: ArrayLike, observer: ArrayLike, n_targets: int, n_steps: int
+) -> list[NDArray[np.int64]]:
+    """Indices (row,) of observations; a `ConfigurationError` if they are impossible."""
+    rows = []
+    for key, given, end in (
+        ("target", target, n_targets), ("step", step, n_steps), ("observer", observer, np.inf),
+    ):  # fmt: skip
+        column = array_of(key, given)
+        wrong = (column < 0.0) | (column >= end) | (column != np.floor(column))
+        rows.append(column.astype(np.int64))
+        if column.shape != rows[0].shape or column.ndim != 1 or np.any(wrong):
+            raise ConfigurationError(
+                f"schedule: {key} needs one index per observation, at least 0 and below {end}"
+            )
+    return rows
+
+
 def schedule(
     target: ArrayLike, step: ArrayLike, observer: ArrayLike, n_targets: int, n_steps: int
 ) -> Schedule:
     """Lay out observations given one by one as indices (row,) in any order; rows of the same target
     and step keep their order."""
-    rows = [np.asarray(column, dtype=np.int64) for column in (target, step, observer)]
-    for key, column, end in zip(
-        ("target", "step", "observer"), rows, (n_targets, n_steps, np.inf), strict=True
-    ):
-        if column.shape != rows[0].shape or np.any((column < 0) | (column >= end)):
-            raise ConfigurationError(
-                f"schedule: {key} needs one index per observation, at least 0 and below {end}"
-            )
+    rows = _indices(target, step, observer, n_targets, n_steps)
     order = np.lexsort((rows[1], rows[0]))
     targets, steps, observers = (column[order] for column in rows)
     return Schedule(_offsets(targets, steps, n_targets, n_steps), observers)
@@ -117,7 +132,7 @@ def arranged(
     n_targets: int,
     n_steps: int,
 ) -> tuple[Measurements, NDArray[np.int64]]:
-    """Lay out measurements given one by one, and the order (row,) in which they now are.
+    """Lay out measurements given one by one.
 
     Parameters
     ----------
@@ -125,7 +140,21 @@ def arranged(
     value, variance : ndarray, shape (row, 3)
         See `Measurements`.
     n_targets, n_steps : int
+
+    Returns
+    -------
+    measurements : Measurements
+    order : ndarray of int, shape (row,)
+        Given row of each of their rows.
+
+    Raises
+    ------
+    ConfigurationError
+        If an index is impossible, or an array has another shape.
     """
+    target, step, observer = _indices(target, step, observer, n_targets, n_steps)
+    for name, each in (("value", value), ("variance", variance)):
+        array_of(name, each, (target.size, 3), finite=False)
     order = np.lexsort((observer, step, target))
     offset = _offsets(target[order], step[order], n_targets, n_steps)
     return Measurements(offset, observer[order], value[order], variance[order]), order
@@ -140,11 +169,17 @@ def pointed_schedule(target: ArrayLike, n_targets: int) -> Schedule:
         Target of each observer at each step; negative for an idle one.
     n_targets : int
 
+    Returns
+    -------
+    Schedule
+
     Raises
     ------
     ConfigurationError
-        If a target is not below `n_targets`.
+        If a target is not a whole number below `n_targets`, or the array has another shape.
     """
-    targets = np.asarray(target, dtype=np.int64)
+    targets = array_of("target", target)
+    if targets.ndim != 2:
+        array_of("target", targets, ("step", "observer"))
     step, observer = np.nonzero(targets >= 0)
     return schedule(targets[step, observer], step, observer, n_targets, targets.shape[0])

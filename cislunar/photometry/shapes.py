@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import number_of
+from cislunar.runtime.arguments import array_of, count_of, indices_of, number_of
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,21 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
     Returns
     -------
     Facets
+
+    Raises
+    ------
+    ConfigurationError
+        If an array has another shape, a vertex is not finite or does not exist, or a facet has no
+        area.
     """
-    corners = np.asarray(vertices, dtype=float)[np.asarray(triangles)]
+    places = array_of("vertices", vertices, ("vertex", 3))
+    indices = indices_of("triangles", triangles, len(places))
+    array_of("triangles", indices, ("facet", 3))
+    corners = places[indices]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
+    if not np.all(length > 0.0):
+        raise ConfigurationError(f"triangles: facet {np.argmin(length)} has no area; remove it")
     return Facets(areas=0.5 * length, normals=cross / length[:, None])
 
 
@@ -153,10 +164,9 @@ def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
     Raises
     ------
     ConfigurationError
-        If `subdivisions` lies outside of 0 to 8, or the radius is not positive.
+        If `subdivisions` is not a whole number from 0 to 8, or the radius is not positive.
     """
-    if not 0 <= subdivisions <= 8:
-        raise ConfigurationError(f"icosphere subdivisions = {subdivisions} must lie in 0..8")
+    count_of("icosphere subdivisions", subdivisions, 0, 8)
     vertices, triangles = icosahedron_mesh()
     for _ in range(subdivisions):
         vertices, triangles = _subdivide(vertices, triangles)

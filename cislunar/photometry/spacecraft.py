@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material
 from cislunar.photometry.meshes import Mesh, closed_mesh
+from cislunar.runtime import array_of, count_of, number_of
 
 SURFACES: dict[str, dict[str, Material]] = {
     "box_with_wings": {"bus": FOIL, "cells": PANEL, "wing": PAINT},
@@ -63,10 +64,15 @@ def box_with_wings(
     Raises
     ------
     ConfigurationError
-        If a length is not positive, or the wings intersect the box.
+        If a length is not positive, the number of pieces or the angle is impossible, or the wings
+        intersect the box.
     """
-    (length, width), (depth, breadth, height) = wing, size
-    _check_positive("box_with_wings", [*size, *wing, span, thickness, divisions])
+    depth, breadth, height = array_of("size", size, (3,)).tolist()
+    length, width = array_of("wing", wing, (2,)).tolist()
+    span, thickness = number_of("span", span), number_of("thickness", thickness)
+    count_of("divisions", divisions)
+    number_of("wing_turn", wing_turn)
+    _check_positive("box_with_wings", [depth, breadth, height, length, width, span, thickness])
     middle = 0.5 * (span - length)
     if middle - 0.5 * length <= 0.5 * breadth:
         raise ConfigurationError(

@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "arguments": ["Array", "Flags", "Indices", "UNIT_NORM", "array_of", "count_of",
         "indices_of", "number_of", "number_or_range", "require_choice", "require_kind",
-        "require_path", "require_unit"],
+        "require_path", "require_unit", "vectors_of"],
     "compilation": ["announced"],
     "kernels": ["KernelSet", "compile_kernels", "drop_stale_kernels"],
     "netcdf": ["Later", "growing_dataset", "read_dataset", "variable", "whole_file",

@@ -117,6 +117,18 @@ def count_of(name: str, given: Any, least: int = 1, most: int | None = None) -> 
     return int(given)
 
 
+def vectors_of(name: str, given: ArrayLike, *components: int) -> Array:
+    """An argument as an array of floats, finite or not, whose last axis has one of some numbers of
+    components; raises a `ConfigurationError`."""
+    found = array_of(name, given, finite=False)
+    if found.ndim == 0 or found.shape[-1] not in components:
+        last = " or ".join(map(str, components))
+        raise ConfigurationError(
+            f"{name} has shape {found.shape}; give numbers of shape (..., {last})"
+        )
+    return found
+
+
 def indices_of(name: str, given: ArrayLike, count: int) -> Indices:
     """An argument as an array of indices below a count; raises a `ConfigurationError`."""
     found = array_of(name, given)

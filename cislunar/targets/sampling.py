@@ -43,7 +43,7 @@ from pydantic import AfterValidator, Field
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import libration_points, primary_distances
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array, Section, number, setting, several, whole
+from cislunar.runtime import Array, Section, array_of, number, setting, several, whole
 from cislunar.targets.zero_velocity import REGIONS, reachable
 
 CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
@@ -161,9 +161,10 @@ def sample_zero_velocity(
     Raises
     ------
     ConfigurationError
-        If a mission has no point with these settings.
+        If there is no mission, a constant is not finite, or a mission has no point with these
+        settings.
     """
-    constants = np.atleast_1d(np.asarray(jacobi, dtype=float))
+    constants = array_of("jacobi", np.atleast_1d(array_of("jacobi", jacobi)), ("mission",))
     cache: dict[float, Array] = {}
     for index, jc in enumerate(constants.tolist()):
         if jc not in cache:

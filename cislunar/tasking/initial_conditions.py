@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics import propagate
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of, count_of
 
 _INITIAL_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
@@ -42,10 +41,11 @@ def monitored_targets(n_available: int, n_targets: int, seed: int) -> NDArray[np
     Raises
     ------
     ConfigurationError
-        If the number to choose is not between 1 and the number to choose from.
+        If the number to choose is not between 1 and the number to choose from, or an argument is
+        not a whole number or negative.
     """
-    if not 1 <= n_targets <= n_available:
-        raise ConfigurationError(f"n_T = {n_targets} must lie between 1 and {n_available}")
+    count_of("n_targets", n_targets, most=count_of("n_available", n_available))
+    count_of("seed", seed, least=0)
     return stream(_SELECTION, seed).permutation(n_available)[:n_targets]
 
 
@@ -69,11 +69,14 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int) -> Array:
     Raises
     ------
     ConfigurationError
-        If a state is not of 6 finite numbers or is evidently in km.
+        If a state is not of 6 finite numbers or is evidently in km, the periods are not finite or
+        not one of each state, or the seed is not a whole number of at least 0.
     ConvergenceError
         If an orbit meets the center of a primary.
     """
-    states, periods = np.asarray(state, dtype=float), np.asarray(period, dtype=float)
+    states = array_of("state", state, ("target", 6))
+    periods = array_of("period", period, (len(states),))
+    count_of("seed", seed, least=0)
     fractions = [stream(_PHASE, seed, j).random() for j in range(periods.size)]
     times = fractions * periods
     return np.array(
@@ -97,13 +100,18 @@ def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimat
     Returns
     -------
     InitialEstimate
+
+    Raises
+    ------
+    ConfigurationError
+        If an array has another shape, or a value is not finite.
     """
-    states = np.array(translation, dtype=float)
+    states = array_of("translation", translation, ("target", 6)).copy()
     rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
     n_targets = states.shape[0]
     return InitialEstimate(
         np.tile(np.array(_INITIAL_QUATERNION), (n_targets, 1)),
         np.tile(rate, (n_targets, 1)),
         states,
-        np.array(sigma, dtype=float),
+        array_of("sigma", sigma, (12,)).copy(),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cislunar.architecture.coordinate_search import coordinate_search, satellite_front
+from cislunar.architecture.coordinate_search import coordinate_search, random_start, satellite_front
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.cost_kernels import log_sum
 from cislunar.architecture.tables import ArchitectureTables
@@ -110,3 +110,11 @@ def test_impossible_settings_are_named(objective):
         coordinate_search(objective, rng, n_slots=2, restarts=0)
     with pytest.raises(ConfigurationError, match="total = 9: 2 slots"):
         satellite_front(objective, [2, 9], rng, n_slots=2)
+    for given, message in (
+        ((3, 2, 4, rng), "n_slots = 4"),
+        ((3, 2, 2, rng, 1), "total = 1"),
+        ((3, 2, 2, rng, 5), "total = 5"),
+        ((3, 0, 2, rng), "max_satellites = 0"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            random_start(*given)

@@ -120,6 +120,15 @@ def test_too_small_a_family_is_refused():
 def test_too_many_satellites_are_refused():
     with pytest.raises(ConfigurationError, match="max_satellites = 3"):
         choose_members(make_objective(0), (("Lyap_L3", 4),), rng=np.random.default_rng(0))
+    for slots, restarts, message in (
+        ((), 1, "slots is empty"),
+        ((("Lyap_L3", 1),), 0, "restarts = 0"),
+        ((("Lyap_L3", 0),), 1, "slots: satellites of Lyap_L3 = 0"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            choose_members(
+                make_objective(0), slots, rng=np.random.default_rng(0), restarts=restarts
+            )
 
 
 SCRIPT = """

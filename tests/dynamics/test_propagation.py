@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import DOP853, solve_ivp
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
-from cislunar.dynamics import bounds
+from cislunar.dynamics import bounds, cr3bp
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import (
     CR3BP,
@@ -15,6 +15,7 @@ from cislunar.dynamics.cr3bp import (
     primary_distances,
     variational_matrix,
 )
+from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
 from cislunar.dynamics.propagation import (
     closest_approaches,
     propagate,
@@ -216,6 +217,25 @@ def test_impossible_settings_are_named(kwargs, message):
     settings = {"state": GENERIC, "times": [1.0], **kwargs}
     with pytest.raises(ConfigurationError, match=message):
         propagate(settings.pop("state"), settings.pop("times"), **settings)
+
+
+@pytest.mark.parametrize(
+    "call, name",
+    [
+        (lambda: cr3bp.primary_distances([0.1, 0.2]), "position"),
+        (lambda: cr3bp.pseudo_potential(1.0), "position"),
+        (lambda: cr3bp.zero_velocity_function(["a", "b", "c"], 3.0), "position"),
+        (lambda: cr3bp.zero_velocity_function(GENERIC[:3], "a"), "jacobi"),
+        (lambda: cr3bp.equations_of_motion(GENERIC[:3]), "state"),
+        (lambda: cr3bp.jacobi_constant(GENERIC[:4]), "state"),
+        (lambda: cr3bp.variational_matrix([GENERIC]), "state"),
+        (lambda: cr3bp.libration_points("a"), "mu"),
+        (lambda: is_low_lunar(GENERIC[:3]), "state"),
+    ],
+)
+def test_other_shapes_are_refused(call, name):
+    with pytest.raises(ConfigurationError, match=f"^{name} "):
+        call()
 
 
 def test_states_that_are_not_examined_are_within_the_bounds():

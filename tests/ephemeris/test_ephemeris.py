@@ -192,6 +192,8 @@ def test_interpolation_outside_of_the_span_is_refused(month, outside):
         interpolate_sun([0.5, edge + outside], month.time, month.sun_position)
     with pytest.raises(ConfigurationError, match="duration_days"):
         interpolate_sun([0.5, np.nan], month.time, month.sun_position)
+    with pytest.raises(ConfigurationError, match="sun_position has shape"):
+        interpolate_sun([0.5], month.time[1:], month.sun_position)
 
 
 def excerpt(path, start, stop, bodies):

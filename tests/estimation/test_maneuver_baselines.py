@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.maneuvers import control_distance, control_gramian, cusum
 
 
@@ -22,3 +23,10 @@ def test_baselines():
     gramian = control_gramian(phi, times[1])
     effort = control_distance([3.0, 0, 0, 0, 0, 0], gramian)
     assert effort == pytest.approx(np.sqrt(12.0) * 3.0 / 2.0**1.5, rel=1e-6)
+    for wrong, name in (
+        ((np.ones(3), gramian), "difference has shape"),
+        ((np.ones(6), np.eye(3)), "gramian has shape"),
+        ((np.ones(6), np.zeros((6, 6))), "gramian is singular"),
+    ):
+        with pytest.raises(ConfigurationError, match=name):
+            control_distance(*wrong)

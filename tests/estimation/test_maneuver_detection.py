@@ -224,6 +224,25 @@ def test_power_is_that_of_simulated_impulses(planned):
         detectable_impulse(bound, threshold, 1.0)
 
 
+def test_power_of_unknown_and_impossible_bounds():
+    bounds = np.array([np.full((3, 3), np.inf), np.eye(3)])
+    found = impulse_detection_probability([1.0, 0.0, 0.0], bounds, 20.0)
+    assert found[0] == chi2.sf(20.0, 3)
+    assert found[1] == impulse_detection_probability([1.0, 0.0, 0.0], np.eye(3), 20.0) > found[0]
+    for impulse, bound, message in (
+        (np.ones(3), np.zeros((3, 3)), "bound is singular"),
+        (np.ones(3), np.eye(2), "bound has shape"),
+        (np.ones(3), np.full((3, 3), np.nan), "bound must not be NaN"),
+        (np.ones(2), np.eye(3), "impulse_m_s has shape"),
+        (np.full(3, np.nan), np.eye(3), "impulse_m_s is not finite"),
+        (np.ones((3, 3)), bounds, "bound has shape .* and impulse_m_s"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            impulse_detection_probability(impulse, bound, 20.0)
+    with pytest.raises(ConfigurationError, match="bound must not be NaN"):
+        detectable_impulse(np.full((3, 3), np.nan), 20.0)
+
+
 def test_false_alarms_are_those_of_a_simulation(planned):
     """Of all tests of a linear system, each a linear function of white innovations."""
     tests = whitened_tests(planned[1])

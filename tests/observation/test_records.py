@@ -6,7 +6,7 @@ from measured import constant_schedule, draw_truth, during, observed_by
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, measure
-from cislunar.observation.records import highest, rows_of, schedule
+from cislunar.observation.records import arranged, highest, pointed_schedule, rows_of, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
@@ -52,6 +52,22 @@ def test_idle_observers_observe_nothing_and_two_may_observe_one_target():
 def test_indices_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigurationError, match=next(iter(wrong))):
         schedule(**({"target": [0], "step": [0], "observer": [0]} | wrong), n_targets=3, n_steps=2)
+
+
+@pytest.mark.parametrize(
+    "call, name",
+    [
+        (lambda: pointed_schedule([[0.5]], 2), "schedule: target"),
+        (lambda: pointed_schedule([0, 1], 2), "target"),
+        (lambda: pointed_schedule([[2]], 2), "schedule: target"),
+        (lambda: arranged([0], [2], [0], np.ones((1, 3)), np.ones((1, 3)), 1, 2), "schedule: step"),
+        (lambda: arranged([0], [0], [0], np.ones((1, 2)), np.ones((1, 3)), 1, 2), "value"),
+        (lambda: arranged([0], [0], [0], np.ones((1, 3)), np.ones((2, 3)), 1, 2), "variance"),
+    ],
+)
+def test_impossible_schedules_and_records_are_refused(call, name):
+    with pytest.raises(ConfigurationError, match=f"^{name} "):
+        call()
 
 
 def test_two_observations_have_independent_errors(problem):

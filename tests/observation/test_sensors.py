@@ -196,6 +196,13 @@ def test_stations_see_sun_and_moon_at_their_elevations():
     )
     with pytest.raises(ConfigurationError, match=r"latitude_deg = 91\.0.*not on the globe"):
         station_positions([91.0], [0.0], [0.0])
+    for wrong, name in (
+        ((51.48, [0.0], [0.0]), "latitude_deg"),
+        (([51.48], [0.0, 1.0], [0.0]), "longitude_deg"),
+        (([51.48], [0.0], [np.nan]), "height_m"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"^{name}"):
+            station_positions(*wrong)
 
 
 def test_the_ground_sees_at_night_above_its_limit_through_air(problem):

@@ -165,6 +165,13 @@ def test_models_have_the_given_dimensions():
     [
         (lambda: spacecraft.box_with_wings(span=11.0), "intersect a box"),
         (lambda: spacecraft.box_with_wings(thickness=0.0), "must be positive"),
+        (lambda: spacecraft.box_with_wings(size=(1.0, 1.0)), "size has shape"),
+        (lambda: spacecraft.box_with_wings(wing=3.0), "wing has shape"),
+        (lambda: spacecraft.box_with_wings(wing_turn=np.nan), "wing_turn = nan"),
+        (lambda: spacecraft.box_with_wings(divisions=1.5), "divisions = 1.5"),
+        (lambda: facets_from_triangles(np.eye(3), [[0, 1, 3]]), "triangles: 3 must be"),
+        (lambda: facets_from_triangles(np.eye(3), [[0, 1, 1]]), "triangles: facet 0 has no area"),
+        (lambda: facets_from_triangles(np.eye(3), [0, 1, 2]), "triangles has shape"),
         (lambda: spacecraft.dish_on_bus(diameter=np.nan), "must be positive"),
         (lambda: spacecraft.upper_stage(length=3.0), "longer than the stage"),
         (lambda: spacecraft.upper_stage(segments=2), "3 segments"),

@@ -92,6 +92,8 @@ def test_icosphere_is_closed_convex_and_of_the_given_area(subdivisions):
 def test_icosphere_refuses_impossible_settings():
     with pytest.raises(ConfigurationError, match="subdivisions = 9"):
         icosphere(9)
+    with pytest.raises(ConfigurationError, match=r"subdivisions = 1\.5"):
+        icosphere(1.5)
     with pytest.raises(ConfigurationError, match="radius_m"):
         icosphere(0, 0.0)
 

@@ -216,6 +216,8 @@ def test_a_mission_without_points_is_refused():
         sample_zero_velocity(
             [3.1, 5.49], SamplingSettings(centers=("earth",)), names=["Orbiter", "Lander"]
         )
+    with pytest.raises(ConfigurationError, match="jacobi has shape"):
+        sample_zero_velocity([])
 
 
 @pytest.mark.parametrize(

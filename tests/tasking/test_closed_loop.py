@@ -201,8 +201,27 @@ def test_monitored_sets_grow_by_addition():
         np.testing.assert_array_equal(monitored_targets(202, n, seed=1), large[:n])
     assert not np.array_equal(large, monitored_targets(202, 202, seed=2))
     for n in (0, 203):
-        with pytest.raises(ConfigurationError, match="n_T"):
+        with pytest.raises(ConfigurationError, match="n_targets"):
             monitored_targets(202, n, seed=1)
+
+
+@pytest.mark.parametrize(
+    "call, name",
+    [
+        (lambda: monitored_targets(2.5, 1, seed=1), "n_available"),
+        (lambda: monitored_targets(2, 1, seed=-1), "seed"),
+        (lambda: epoch_states(np.ones((2, 6)), [1.0], seed=1), "period"),
+        (lambda: epoch_states(np.ones((2, 6)), [1.0, np.nan], seed=1), "period"),
+        (lambda: epoch_states(np.ones(6), [1.0], seed=1), "state"),
+        (lambda: epoch_states(np.ones((1, 6)), [1.0], seed=-1), "seed"),
+        (lambda: initial_estimate(np.ones(6), np.ones(12)), "translation"),
+        (lambda: initial_estimate(np.full((1, 6), np.nan), np.ones(12)), "translation"),
+        (lambda: initial_estimate(np.ones((1, 6)), np.ones(6)), "sigma"),
+    ],
+)
+def test_impossible_initial_conditions_are_named(call, name):
+    with pytest.raises(ConfigurationError, match=f"^{name}"):
+        call()
 
 
 def test_epoch_states_lie_on_the_orbits():

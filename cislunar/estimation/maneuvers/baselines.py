@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.arguments import array_of, number_of, vectors_of
 
 
 def cusum(
@@ -92,7 +92,15 @@ def control_distance(difference: ArrayLike, gramian: ArrayLike) -> Array:
     -------
     ndarray, shape (...)
         Square root of the integral of the squared acceleration, for linear motion.
+
+    Raises
+    ------
+    ConfigurationError
+        If an array has another shape, or the Gramian is not finite or singular.
     """
-    given = np.asarray(difference, dtype=float)
-    needed = np.linalg.solve(np.asarray(gramian, dtype=float), given[..., None])[..., 0]
+    given, matrix = vectors_of("difference", difference, 6), array_of("gramian", gramian, (6, 6))
+    try:
+        needed = np.linalg.solve(matrix, given[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        raise ConfigurationError("gramian is singular; take a longer span of time") from None
     return np.sqrt(np.sum(given * needed, axis=-1))

@@ -12,7 +12,7 @@ from scipy.stats import ncx2
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Schedule, rows_of
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.arguments import array_of, number_of, vectors_of
 
 
 def impulse_bound(whitened: ArrayLike) -> Array:
@@ -99,7 +99,8 @@ def impulse_detection_probability(
     impulse_m_s : array_like, shape (..., 3)
         Change of velocity.
     bound : array_like, shape (..., 3, 3)
-        Covariance of its estimate, m^2/s^2; see `impulse_bound`.
+        Covariance of its estimate, m^2/s^2; see `impulse_bound`. Where it is infinite, the
+        probability is that of a false alarm.
     threshold : float
         Of the statistic.
 
@@ -112,12 +113,33 @@ def impulse_detection_probability(
     Raises
     ------
     ConfigurationError
-        If the threshold is not positive.
+        If the threshold is not positive, an impulse is not finite, a bound is NaN or singular, or
+        the shapes are impossible.
     """
     level = number_of("threshold", threshold, positive=True)
-    given = np.asarray(impulse_m_s, dtype=float)
-    moved = np.linalg.solve(np.asarray(bound, dtype=float), given[..., None])[..., 0]
-    return ncx2.sf(level, 3, np.sum(given * moved, axis=-1))
+    given = array_of("impulse_m_s", vectors_of("impulse_m_s", impulse_m_s, 3))
+    matrices, known = _bounds(bound)
+    regular = np.where(known[..., None, None], matrices, np.eye(3))
+    try:
+        moved = np.linalg.solve(regular, given[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        raise ConfigurationError("bound is singular; give covariances of full rank") from None
+    except ValueError:
+        raise ConfigurationError(
+            f"bound has shape {matrices.shape} and impulse_m_s {given.shape}; give one for each"
+        ) from None
+    return ncx2.sf(level, 3, np.where(known, np.sum(given * moved, axis=-1), 0.0))
+
+
+def _bounds(bound: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+    """Covariances (..., 3, 3) without NaN, and which are finite; a `ConfigurationError` if the
+    argument is impossible."""
+    given = array_of("bound", bound, finite=False)
+    if given.shape[-2:] != (3, 3):
+        raise ConfigurationError(f"bound has shape {given.shape}; its last axes must be (3, 3)")
+    if np.any(np.isnan(given)):
+        raise ConfigurationError("bound must not be NaN; it is infinite where it is not known")
+    return given, np.all(np.isfinite(given), axis=(-2, -1))
 
 
 def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 0.9) -> Array:
@@ -141,7 +163,7 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
     ------
     ConfigurationError
         If the threshold is not positive, the probability is not between that of a false alarm and
-        1, or the covariances have another shape.
+        1, or the covariances have another shape or are NaN.
     """
     level = number_of("threshold", threshold, positive=True)
     wanted = number_of("probability", probability, positive=True)
@@ -149,10 +171,7 @@ def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 
         raise ConfigurationError(
             f"probability = {wanted:g} must be less than 1 and more than that of a false alarm"
         )
-    given = array_of("bound", bound, finite=False)
-    if given.shape[-2:] != (3, 3):
-        raise ConfigurationError(f"bound has shape {given.shape}; its last axes must be (3, 3)")
-    known = np.all(np.isfinite(given), axis=(-2, -1))
+    given, known = _bounds(bound)
     out = np.full((*known.shape, 2), np.inf)
     highest = 4.0 * (level + 10.0) / (1.0 - wanted)
     needed = brentq(lambda each: ncx2.sf(level, 3, each) - wanted, 0.0, highest)
