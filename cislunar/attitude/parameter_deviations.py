@@ -207,8 +207,7 @@ def _put_end(track, q, w, a):
 
 @njit_alloc
 def make_track():
-    """Uninitialized arrays of a track (`_ROWS`, TRACK_COLUMNS) and of the times of its step's
-    ends."""
+    """Uninitialized arrays of a track (34, TRACK_COLUMNS) and of the times of its step's ends."""
     return np.empty((_ROWS, TRACK_COLUMNS)), np.empty(2)
 
 

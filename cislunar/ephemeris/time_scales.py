@@ -103,6 +103,10 @@ def clock_seconds(date: str) -> float:
         ``2024-275T06:30:00``; a blank may stand for the T, and a Z or +00:00 may follow. Other time
         zones and leap seconds are not supported.
 
+    Returns
+    -------
+    float
+
     Raises
     ------
     ConfigurationError

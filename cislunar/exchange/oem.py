@@ -220,7 +220,14 @@ def require_units(place: str, tdb: Array, state: Array) -> None:
 
 
 def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
-    """State of an object at a time, TDB seconds past J2000, from its segments.
+    """State of an object at a time, from its segments.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        Arcs of the object.
+    tdb_s : float
+        TDB seconds past J2000.
 
     Returns
     -------

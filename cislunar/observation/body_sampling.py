@@ -65,7 +65,9 @@ def sample_surfaces(
         Assumed surfaces.
     prior : BodyParameterPrior
         Standard deviations of the deviations.
-    generator : Generators
+    generator : callable
+        Returns the numpy.random.Generator of a target and a group of deviations, given their
+        numbers.
     freedom : float, optional
         Degrees of freedom, above 2, of Student's t distribution of the deviations, which has these
         standard deviations; normal if omitted.
@@ -116,7 +118,9 @@ def sample_rotations(
         Assumed inertia.
     prior : BodyParameterPrior
         Standard deviations of the deviations.
-    generator : Generators
+    generator : callable
+        Returns the numpy.random.Generator of a target and a group of deviations, given their
+        numbers.
     freedom : float, optional
         See `sample_surfaces`.
 

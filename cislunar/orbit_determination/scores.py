@@ -70,6 +70,10 @@ class ConfirmationRule(Section):
             Score of the orbit (`log_scores`).
         separation : float
             See `cislunar.orbit_determination.verdicts.separation_probability`.
+
+        Returns
+        -------
+        bool
         """
         counts = np.unique(np.asarray(observers), return_counts=True)[1]
         several = counts >= self.tracklets_each

@@ -301,6 +301,11 @@ class Study:
         -------
         str
             HTML.
+
+        Raises
+        ------
+        InputFileError
+            If the file cannot be written.
         """
         from cislunar.figures.space.orbits_page import orbits_page
 
@@ -329,6 +334,11 @@ class Study:
         -------
         StudyResult
             With `observations` an `ObservedResult`, which has residuals in place of errors.
+
+        Raises
+        ------
+        ConfigurationError, InputFileError
+            If `seeds` is impossible, or an ephemeris cannot be used.
         """
         count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
         if self._observed is not None:

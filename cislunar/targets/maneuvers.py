@@ -33,7 +33,7 @@ from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, burn_times
 from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
 from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
-from cislunar.runtime import Array
+from cislunar.runtime import Array, count_of, number_of
 from cislunar.targets.maneuver_model import DrawnManeuvers
 
 MANEUVER_AXES = ("propagation", "rtn-earth", "rtn-moon")
@@ -287,8 +287,11 @@ def draw_maneuvers(
     Raises
     ------
     ConfigurationError
-        If no maneuver of a kind fits into the run.
+        If a maneuver that starts in the window of a kind may end after the run, the duration is
+        not a positive number, or the number of targets is impossible.
     """
+    number_of("duration_hours", duration_hours, positive=True)
+    count_of("n_targets", n_targets, least=0)
     found = []
     for number, kind in enumerate(kinds):
         first, last = kind.window(duration_hours)

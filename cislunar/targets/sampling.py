@@ -156,7 +156,9 @@ def sample_zero_velocity(
 
     Returns
     -------
-    _SampledPoints
+    NamedTuple
+        ``position``, shape (point, 3), nondimensional, rotating frame, and ``mission`` and
+        ``jacobi``, shape (point,), the index and the Jacobi constant of the mission of each point.
 
     Raises
     ------

@@ -76,7 +76,7 @@ class LoopSettings:
     Raises
     ------
     ConfigurationError
-        If a setting is unknown, of another kind or impossible, or settings exclude each other.
+        If a value is unknown, of another kind or impossible, or settings exclude each other.
     """
 
     step_s: float = 60.0

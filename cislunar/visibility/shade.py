@@ -39,6 +39,12 @@ def shade_of(target: Array, sun: Array, mu: float, length: ArrayLike = 1.0) -> _
         Mass ratio.
     length : array_like, shape (time,) or ()
         Unit of length of the frame in units of l*; the radii of Earth and Moon are constant in km.
+
+    Returns
+    -------
+    NamedTuple
+        ``time`` and ``target``, shape (pair,), the indices of the pairs in shadow, and ``share``,
+        shape (pair,), the visible share of the Sun's disc, below 1.
     """
     unit = np.broadcast_to(np.asarray(length, dtype=float), len(sun))[:, None]
     primaries = unit[..., None] * np.array(primary_positions(mu))

@@ -159,3 +159,6 @@ def test_impossible_draws():
     late = DrawnManeuvers(**given, last_hour=23.9, duration_minutes=30)
     with pytest.raises(ConfigurationError, match="not within the run of 24 h"):
         draw_maneuvers([late], 1, 24.0, generator)
+    for wrong, name in (((1, float("nan")), "duration_hours"), ((-1, 24.0), "n_targets")):
+        with pytest.raises(ConfigurationError, match=name):
+            draw_maneuvers([DrawnManeuvers(**given)], *wrong, generator)

@@ -113,7 +113,13 @@ def certify(
 
     Returns
     -------
-    _CostCertificate
+    dataclass
+        ``proven``, True if no architecture exceeds ``value`` by more than one part in 1e6 and the
+        list is complete; ``orbit`` and ``satellites``, shape (slot,), the best architecture, with
+        its ``value``; ``bound``, an upper bound over all architectures, and ``gap``, bound / value
+        - 1; ``near_orbit`` and ``near_satellites``, shape (found, slot), and ``near_value``, shape
+        (found,), the listed architectures, best first; ``nodes`` of all levels; ``seconds`` of the
+        whole proof.
 
     Raises
     ------

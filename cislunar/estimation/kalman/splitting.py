@@ -284,7 +284,8 @@ def use_direction(
     mixture, j, translation, root, observation, half_field, k, scene, constants, stack
 ):
     """Update target j by one direction at time k; the outcomes are those of `update_translation`.
-    An observation is as in `_observe`; `half_field` is half the observer's field of view."""
+    An observation is right ascension and declination, their variances (2,), and the position (3,)
+    and axes (3, 3) of the observer; `half_field` is half the observer's field of view."""
     work, weights = stack.filter, constants.orbit_weights
     if mixture.count[j] == 0:
         limits, nonlinearity = (half_field, constants.curvature), mixture.nonlinearity[j]

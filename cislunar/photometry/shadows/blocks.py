@@ -119,7 +119,7 @@ class _Sight(NamedTuple):
 
 @njit_alloc
 def make_sight():
-    """Uninitialized arrays of a `_Sight`."""
+    """Uninitialized positions of a block's directions in the shadow table, for `find_corners`."""
     return _Sight(
         np.empty((2, LANES, 3), np.int64),
         np.empty((2, LANES, 3)),

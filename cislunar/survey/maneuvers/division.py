@@ -60,6 +60,11 @@ def overlapping_pairs(
         Of all orbits, from the first detection on.
     largest_m_s : float
         Largest scale of a component of a change of velocity.
+
+    Returns
+    -------
+    list of (int, int)
+        Indices of the earlier and the later orbit.
     """
     first, last = (angles.time[fits.row[each]] for each in (fits.begin[:-1], fits.begin[1:] - 1))
     around = _AROUND_H * 3600.0 / TIME_UNIT_S

@@ -38,6 +38,13 @@ def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
 def arrivals(model: CommunicationModel, scene: Scene) -> NDArray[np.int64]:
     """Step from which on measurements can be used in the common estimate.
 
+    Parameters
+    ----------
+    model : CommunicationModel
+        Contact with the Earth, and delay.
+    scene : Scene
+        Positions of the observers, of Earth, Moon and Sun.
+
     Returns
     -------
     ndarray of int, shape (observer, step)

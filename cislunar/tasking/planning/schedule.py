@@ -211,7 +211,12 @@ def plan_schedule(
 
     Returns
     -------
-    _SlotSchedule
+    dataclass
+        ``target``, shape (slot, observer), the target of each observer or `IDLE`; ``value``, the
+        sum of the expected information of all targets, nats; ``information`` of the observations
+        to be carried out if all detect their targets, nats; ``evaluations``, the number of
+        assignments and set packings solved; ``gap``, the largest relative gap of the set packings,
+        0 for assignments.
 
     Raises
     ------
