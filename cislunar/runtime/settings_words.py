@@ -78,14 +78,14 @@ def allowed(schema: Mapping[str, Any]) -> str:
         text = f"one of {', '.join(schema['enum'])}"
     elif "array" in kinds and "items" in schema:
         least, most = schema.get("minItems", 0), schema.get("maxItems")
-        count = f"{most} of: " if least == most else "one or more of: " if least else ""
-        text = f"a list of {count}{allowed(schema['items'])}"
+        count = f"{most} of:" if least == most else "one or more of:" if least else "values, each"
+        text = f"a list of {count} {allowed(schema['items'])}"
     elif "pattern" in schema:
         return _in_words(schema["pattern"])
     else:
-        limits = [f"{words} {schema[key]:,}" for key, words in _LIMITS if key in schema]
+        limits = " and ".join(f"{words} {schema[key]:,}" for key, words in _LIMITS if key in schema)
         named = [_KINDS.get(kind, "a list") for kind in kinds if kind != "null"]
-        text = f"{' or '.join(named)}{' ' * bool(limits)}{' and '.join(limits)}"
+        text = f"{named[0]}{' ' * bool(limits)}{' or '.join([limits, *named[1:]])}"
     return f"{text}, or null" if "null" in kinds else text
 
 
