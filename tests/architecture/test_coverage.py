@@ -40,7 +40,7 @@ def test_measures_are_those_of_loops(days, hours):
     rng = np.random.default_rng(21)
     times = observation_times(days, hours)
     track = rng.normal(size=(4, len(times), 3)) * [0.6, 0.6, 0.3] + [0.6, 0.0, 0.0]
-    target = np.vstack([rng.uniform(-1.2, 1.2, (40, 3)), [[40.0, 0.0, 0.0]]])
+    target = np.vstack([rng.uniform(-1.2, 1.2, (40, 3)), [[20.0, 0.0, 0.0]]])
     sun = sun_at(times)
     found = coverage(track, target, times, sun, SETTINGS)
     expected = by_loops(track, target, times, sun, SETTINGS)
