@@ -181,6 +181,9 @@ def test_scene_errors_name_the_key():
         make_scene(np.ones((1, 3, 3)), np.zeros((4, 3)), 60.0)
     with pytest.raises(ConfigurationError, match="step_s"):
         make_scene(np.ones((1, 3, 3)), np.ones((3, 3)), 0.0)
+    for axes in (np.ones((3, 3)), np.diag([1.0, 1.0, -1.0])):
+        with pytest.raises(ConfigurationError, match="axes must be a rotation matrix"):
+            make_scene(np.ones((1, 3, 3)), np.ones((3, 3)), 60.0, axes=axes)
     with pytest.raises(ConfigurationError, match="material"):
         target_surfaces(icosahedron(), [Material()], 2)
 

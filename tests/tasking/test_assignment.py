@@ -97,3 +97,9 @@ def test_bad_arguments_name_the_key(information):
         assign(information, "random", rng=np.random.default_rng(0), max_evaluations=0)
     with pytest.raises(ConfigurationError, match="finite"):
         assign(np.full((2, 2), np.nan))
+
+
+@pytest.mark.parametrize("target", [[0], [0, 5], [0, -2], [[0, 1]]])
+def test_targets_that_do_not_exist_are_refused(target):
+    with pytest.raises(ConfigurationError, match="target must be 2 whole numbers"):
+        total_information(np.ones((2, 3)), target)

@@ -97,8 +97,9 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         If the information is no matrix, or `target` does not have a target, or `IDLE`, for each
         observer.
     """
-    matrix = array_of("information", information, ("observer", "target"))
-    chosen = np.asarray(target)
+    matrix, chosen = array_of("information", information), np.asarray(target)
+    if matrix.ndim != 2:
+        raise ConfigurationError(f"information has shape {matrix.shape}; give (observer, target)")
     least, most = min(IDLE, 0), matrix.shape[1] - 1
     if chosen.shape != matrix.shape[:1] or np.any((chosen < least) | (chosen > most)):
         raise ConfigurationError(
