@@ -162,7 +162,7 @@ def propagate_bundle(
         If the states are not of shape (N, 6), the step or the first time is not finite, the number
         of steps is negative, or the force model does not cover the times.
     """
-    given = array_of("state", state, (*np.shape(state)[:1], 6), finite=False)
+    given = array_of("state", state, (None, 6), finite=False)
     dt, start = number_of("dt", dt), number_of("start", start)
     n_steps = count_of("n_steps", n_steps, least=0)
     require_span(forces, start, start + n_steps * dt)

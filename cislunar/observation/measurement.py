@@ -39,7 +39,7 @@ from cislunar.observation.sightline import (
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import array_of, indices_of
 
 # Detection outcomes.
 NOT_TASKED, FAINT, EXCLUDED, OCCULTED, DETECTED = range(5)
@@ -232,7 +232,7 @@ def measure(
     states = array_of("states", states, (n_targets, "time", 6), finite=False)
     times = states.shape[1]
     attitudes = array_of("attitudes", attitudes, (n_targets, times, 4), finite=False)
-    noise = array_of("noise", noise, (n_targets, times, *np.shape(noise)[2:3], 3), finite=False)
+    noise = array_of("noise", noise, (n_targets, times, None, 3), finite=False)
     if dimmed is None:
         dimmed = np.zeros((n_targets, times))
     dimmed = array_of("dimmed", dimmed, (n_targets, times), finite=False)
@@ -254,10 +254,7 @@ def measure(
             f"{noise.shape[2]} are given"
         )
     n_observers, n_rows = scene.observer_position.shape[0], observations.observer.size
-    if n_rows and not 0 <= observations.observer.min() <= observations.observer.max() < n_observers:
-        raise ConfigurationError(
-            f"the schedule has an observer that is none of the {n_observers} of the scene"
-        )
+    indices_of("observations.observer", observations.observer, n_observers)
     limits = sensor_limits(sensor, n_observers)
     truly = limits if true is None else sensor_limits(true, n_observers)
     value, variance = np.empty((n_rows, 3)), np.empty((n_rows, 3))

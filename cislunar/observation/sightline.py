@@ -200,15 +200,10 @@ def sunlit_share(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Arra
     ConfigurationError
         If a shape is wrong, or the numbers of times disagree.
     """
-    targets, times = (*np.shape(place)[:2], 0, 0)[:2]
-    where, light, bodies = (
-        np.ascontiguousarray(array_of(name, each, axes, finite=False))
-        for name, each, axes in (
-            ("place", place, (targets, times, 3)),
-            ("sun", sun, (times, 3)),
-            ("primaries", primaries, (times, 2, 3)),
-        )
-    )
+    where = np.ascontiguousarray(array_of("place", place, (None, None, 3), finite=False))
+    times = where.shape[1]
+    light = np.ascontiguousarray(array_of("sun", sun, (times, 3), finite=False))
+    bodies = np.ascontiguousarray(array_of("primaries", primaries, (times, 2, 3), finite=False))
     out = np.empty(where.shape[:2])
     _shares(where, light, bodies, out)
     return out

@@ -20,7 +20,11 @@ UNIT_NORM = 1e-6
 
 
 def array_of(
-    name: str, given: ArrayLike, axes: Sequence[str | int] | None = None, *, finite: bool = True
+    name: str,
+    given: ArrayLike,
+    axes: Sequence[str | int | None] | None = None,
+    *,
+    finite: bool = True,
 ) -> Array:
     """An argument as an array of floats.
 
@@ -30,9 +34,9 @@ def array_of(
         Name of the argument, for the message.
     given : array_like
         Value of the argument; texts are no numbers.
-    axes : sequence of str or int, optional
-        Required axes: the length, or what an axis counts, of which at least one is required. By
-        default every shape is allowed.
+    axes : sequence of str, int or None, optional
+        Required axes: the length, or what an axis counts, of which at least one is required, or
+        None for any length. By default every shape is allowed.
     finite : bool
         Refuse values that are not finite.
 
@@ -53,7 +57,7 @@ def array_of(
     if axes is not None and not (
         found.ndim == len(axes)
         and all(
-            length > 0 if isinstance(axis, str) else length == axis
+            axis is None or (length > 0 if isinstance(axis, str) else length == axis)
             for length, axis in zip(found.shape, axes, strict=True)
         )
     ):
@@ -161,7 +165,8 @@ def require_path(name: str, given: Any) -> None:
     require_kind(name, given, str | os.PathLike, "give the path of a file or a folder")
 
 
-def _shape_in_words(axes: Sequence[str | int] | None) -> str:
+def _shape_in_words(axes: Sequence[str | int | None] | None) -> str:
     if axes is None:
         return ""
-    return f" of shape ({', '.join(map(str, axes))}{',' * (len(axes) == 1)})"
+    named = ("any" if axis is None else str(axis) for axis in axes)
+    return f" of shape ({', '.join(named)}{',' * (len(axes) == 1)})"

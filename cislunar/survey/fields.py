@@ -148,8 +148,7 @@ def views(
         those of all observers.
     """
     index = count_of("index", index, 0, scene.observer_position.shape[1] - 1)
-    objects = array_of("position", position, (*np.shape(position)[:1], 3), finite=False)
-    place = np.ascontiguousarray(objects)
+    place = np.ascontiguousarray(array_of("position", position, (None, 3), finite=False))
     shape = scene.observer_position.shape[0], place.shape[0]
     if len(limits.limiting_magnitude) != shape[0]:
         raise ConfigurationError(

@@ -28,7 +28,7 @@ from cislunar.observation import METERS, Sensor, TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, count_of
+from cislunar.runtime.arguments import array_of, count_of, indices_of
 from cislunar.visibility.tracks import satellite_tracks
 
 HOUR = 3600.0 / TIME_UNIT_S
@@ -231,10 +231,7 @@ def _sun_of(
     shape = windows.times.shape
     if targets.position.shape[:2] != shape:
         raise ConfigurationError("targets have other windows; make them with these windows")
-    if np.size(slots.orbit) and not np.max(slots.orbit) < len(orbits.period):
-        raise ConfigurationError(
-            f"slots have an orbit that is none of the {len(orbits.period)} in orbits"
-        )
+    indices_of("slots.orbit", slots.orbit, len(orbits.period))
     return np.ascontiguousarray(array_of("sun_position", sun, (*shape, 3)))
 
 
