@@ -40,11 +40,11 @@ def copy_workflow(folder):
     return folder
 
 
-def read_campaign(folder, *more):
-    """The checked configuration in a folder, changed by more files, as by ``--configfile``."""
+def read_campaign(*more):
+    """The checked configuration, changed by more files, as by ``--configfile``."""
     config = {}
-    for path in (folder / "config.yaml", folder / "variants.yaml", *more):
-        config = merged(config, yaml.safe_load(path.read_text(encoding="utf-8")))
+    for name in ("config.yaml", "variants.yaml", *more):
+        config = merged(config, read_settings(name))
     return checked(with_types(config))
 
 

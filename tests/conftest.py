@@ -168,7 +168,7 @@ def finished(tmp_path_factory):
 @pytest.fixture
 def paper(tmp_path):
     """The configuration of the full campaign."""
-    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+    return read_campaign() | {"results": str(tmp_path)}
 
 
 @pytest.fixture

@@ -13,6 +13,10 @@ def file_of(folder, text, name="arc.oem"):
     return path
 
 
+def table(folder, *rows):
+    return file_of(folder, "\n".join(rows) + "\n", "own.csv")
+
+
 def spoil(text, old, new):
     assert re.search(old, text)
     return re.sub(old, new, text, count=1)
@@ -21,5 +25,5 @@ def spoil(text, old, new):
 def refused(read, path, message):
     with pytest.raises(InputFileError, match=message) as caught:
         read(path)
-    assert str(path) in str(caught.value)
+    assert str(caught.value).startswith(str(path))
     assert len(str(caught.value).splitlines()) == 1

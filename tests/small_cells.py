@@ -1,7 +1,7 @@
 """Inputs and settings of small tracking cells."""
 
 import xarray as xr
-from campaign_folder import ROOT, read_campaign
+from campaign_folder import read_campaign
 
 from cislunar.campaign.data.inputs import bodies_dataset, sun_dataset
 from cislunar.campaign.settings.cell_settings import cell_settings
@@ -38,7 +38,7 @@ def cell_inputs(duration_days, bodies=False):
 
 def settings_of_cell(task2, **changes):
     """Settings of two hours with bright targets, from a part `task2` of a configuration."""
-    base = read_campaign(ROOT / "config")["task2"]
+    base = read_campaign()["task2"]
     base |= {"duration_hours": 2, "record_minutes": 20, **task2}
     settings = merged(cell_settings(base), {"sensor": {"limiting_magnitude": 25}})
     return merged(settings, changes)

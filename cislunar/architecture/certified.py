@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.objective import IMPROVES, Objective
-from cislunar.errors import ConfigurationError
 
 _ROUNDS = 2  # bounds, each followed by a search from its choices
 
@@ -81,20 +80,6 @@ class ObjectiveCertificate:
     def proven(self) -> bool:
         """Whether no architecture has a larger value."""
         return self.bound <= self.value
-
-
-def check_size(objective: Objective, n_satellites: int, n_slots: int, steps: int = 1) -> None:
-    """Raise a `ConfigurationError` for impossible numbers of satellites, orbit slots or steps."""
-    candidates, most = objective.n_orbits, objective.max_satellites
-    if not 1 <= n_slots <= candidates:
-        raise ConfigurationError(f"n_slots = {n_slots} must lie in 1 .. {candidates} orbit slots")
-    if not n_slots <= n_satellites <= n_slots * most:
-        raise ConfigurationError(
-            f"n_satellites = {n_satellites} must lie in {n_slots} .. {n_slots * most}: {n_slots} "
-            f"orbit slots of 1 .. {most} satellites"
-        )
-    if steps < 1:
-        raise ConfigurationError(f"steps = {steps} must be at least 1")
 
 
 def _promising(objective: Objective, choices: list[Choice], most: int | None) -> list[Choice]:

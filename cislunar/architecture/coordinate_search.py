@@ -124,14 +124,8 @@ class _Climb:
 
 def _check(objective: Objective, n_slots: int, total: int | None) -> None:
     require_kind("objective", objective, Objective, "give an Objective of cislunar.architecture")
-    if total is not None:
-        count_of("total", total)
-    if not 1 <= n_slots <= objective.n_orbits:
-        raise ConfigurationError(
-            f"n_slots = {n_slots}: must lie in 1..{objective.n_orbits}, the candidate orbits"
-        )
-    highest = n_slots * objective.max_satellites
-    if total is not None and not n_slots <= total <= highest:
+    highest = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
+    if total is not None and not n_slots <= count_of("total", total) <= highest:
         raise ConfigurationError(
             f"total = {total}: {n_slots} slots of 1..{objective.max_satellites} satellites hold "
             f"between {n_slots} and {highest}"

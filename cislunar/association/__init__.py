@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "methods": ["associate"],
     "model": ["ASSOCIATORS", "AssociationModel", "MULTIPLE_FRAMES", "KNOWN"],
     "multiple_frames": ["associate_frames", "set_packing"],
-    "nearest_neighbor": ["nearest_neighbor"],
+    "nearest_neighbor": ["best_pairs", "nearest_neighbor"],
     "probabilistic": ["equivalent_direction", "joint_probabilities", "marginals"],
     "tracks": ["CONFIRMED", "DELETED", "LOST", "TRACK_STATUS_NAMES", "TENTATIVE", "TrackStatus",
         "known_tracks"],

@@ -52,7 +52,7 @@ def nearest_neighbor(window: Window, gate_probability: float) -> Association:
         for own, _ in clusters(track[~alone], detection[~alone]):
             at = shared[own]
             pairs = here[at]
-            taken.append(at[_assigned(window.track[pairs], window.detection[pairs], gain[at])])
+            taken.append(at[best_pairs(window.track[pairs], window.detection[pairs], gain[at])])
         at = np.concatenate(taken)
         pair = here[at]
         t = window.track[pair]
@@ -62,8 +62,21 @@ def nearest_neighbor(window: Window, gate_probability: float) -> Association:
     return decided(window, np.concatenate([[], *rows]))
 
 
-def _assigned(track: np.ndarray, detection: np.ndarray, gain: np.ndarray) -> np.ndarray:
-    """Rows of the best assignment of a cluster; a pair without gain is never taken."""
+def best_pairs(track: np.ndarray, detection: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """Assignment of largest gain.
+
+    Parameters
+    ----------
+    track, detection : ndarray of int, shape (pair,)
+        Pairs, each once.
+    gain : ndarray, shape (pair,)
+        Not negative; a pair without gain is never taken.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Rows of the pairs of the assignment.
+    """
     tracks, t = np.unique(track, return_inverse=True)
     detections, d = np.unique(detection, return_inverse=True)
     value, row = np.zeros((2, tracks.size, detections.size))

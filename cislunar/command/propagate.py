@@ -3,21 +3,12 @@
 import click
 
 from cislunar.command.base import Command
-from cislunar.command.table import (
-    OUTPUT,
-    UNITS,
-    Column,
-    Number,
-    OrbitType,
-    orbit_of,
-    show,
-    state_columns,
-)
+from cislunar.command.table import OUTPUT, UNITS, Column, Number, orbit_of, show, state_columns
 from cislunar.study.orbit_text import FORM
 
 
 @click.command(cls=Command, epilog=FORM)
-@click.option("--orbit", type=OrbitType(), required=True, help="Initial orbit or state.")
+@click.option("--orbit", metavar="ORBIT", required=True, help="Initial orbit or state.")
 @click.option("--days", type=Number(), required=True, help="Duration; negative: backwards.")
 @click.option(
     "--steps",

@@ -11,7 +11,6 @@ from cislunar.command.table import (
     Column,
     Number,
     NumberRange,
-    OrbitType,
     orbit_of,
     show,
 )
@@ -19,8 +18,8 @@ from cislunar.study.orbit_text import FORM
 
 
 @click.command(cls=Command, epilog=FORM)
-@click.option("--observer", type=OrbitType(), required=True, help="Orbit of the observer.")
-@click.option("--target", type=OrbitType(), required=True, help="Orbit of the target.")
+@click.option("--observer", metavar="ORBIT", required=True, help="Orbit of the observer.")
+@click.option("--target", metavar="ORBIT", required=True, help="Orbit of the target.")
 @click.option(
     "--epoch", metavar="DATE", default="2024-10-01", show_default=True, help="UTC, ISO 8601."
 )

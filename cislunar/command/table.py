@@ -68,12 +68,6 @@ class NumberRange(_Finite, click.FloatRange):
     """A finite number within bounds."""
 
 
-class OrbitType(click.ParamType):
-    """Text of an orbit; commands parse it once the units are known."""
-
-    name = "ORBIT"
-
-
 POSITIVE = NumberRange(min=0.0, min_open=True)
 
 

@@ -100,14 +100,28 @@ def pulsating_frame(table: BodyTable, time: ArrayLike) -> Frame:
     )
 
 
+def earth_moon_axes(position: Array, velocity: Array) -> Array:
+    """Axes of the rotating frame of Earth and Moon.
+
+    Parameters
+    ----------
+    position, velocity : ndarray, shape (..., 9)
+        Of the bodies, see `cislunar.ephemeris.read_table`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Rotations from the frame of the positions; the rows are the axes.
+    """
+    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
+    return rotating_frame(*(each[..., moon] - each[..., earth] for each in (position, velocity)))
+
+
 def lunar_frame(table: BodyTable, time: ArrayLike) -> Frame:
     """Frame with constant units that coincides with the Moon's center; for arguments and errors
     see `pulsating_frame`."""
     position, velocity, _ = read_table(table, time)
-    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
-    axes = rotating_frame(
-        position[..., moon] - position[..., earth], velocity[..., moon] - velocity[..., earth]
-    )
+    axes, moon = earth_moon_axes(position, velocity), BODY_COLUMNS["moon"]
     distance = (1.0 - MU) * LENGTH_UNIT_KM
     origin = [
         position[..., moon] - distance * axes[..., 0, :],

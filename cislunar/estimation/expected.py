@@ -48,16 +48,8 @@ def attitude_error(root, column, scale):
 def set_geometry(block, lane, point, bundle, observer, sun, to_inertial):
     """Directions to Sun and observer (inertial frame) and range of a point, into a column of the
     block."""
-    x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
-    light, view, distance, _ = lit_directions(
-        x - observer[0],
-        y - observer[1],
-        z - observer[2],
-        sun[0] - x,
-        sun[1] - y,
-        sun[2] - z,
-        to_inertial,
-    )
+    place = bundle[0, point], bundle[1, point], bundle[2, point]
+    light, view, distance, _ = lit_directions(place, observer, sun, to_inertial)
     block[SUN, lane], block[SUN + 1, lane], block[SUN + 2, lane] = light
     block[VIEW, lane], block[VIEW + 1, lane], block[VIEW + 2, lane] = view
     block[RANGE, lane] = distance * METERS

@@ -2,7 +2,10 @@
 
 from typing import Any
 
-from cislunar.estimation.estimator import Estimator
+import numpy as np
+
+from cislunar.estimation.estimator import Estimator, InitialEstimate
+from cislunar.observation.target_surfaces import TargetSurfaces
 
 
 class WrappedEstimator:
@@ -15,3 +18,19 @@ class WrappedEstimator:
         if name.startswith("_"):  # while a copy is made there is no inner estimator yet
             raise AttributeError(name)
         return getattr(self._inner, name)
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`."""
+        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
+        self._added(initial.translation.shape[0], forces)
+
+    def _added(self, n_new: int, forces: tuple | None) -> None:
+        """Make room for new tracks; `forces` is the model of all tracks if it changes."""

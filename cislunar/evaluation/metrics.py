@@ -99,10 +99,10 @@ class _Sums(NamedTuple):
 
     covered: NDArray[np.int64]
     covered_finally: NDArray[np.int64]
-    anees: Array
     n_anees: NDArray[np.int64]
-    square: Array
     n_square: NDArray[np.int64]
+    anees: Array
+    square: Array
     both: NDArray[np.int64]
     error: Array
     bound: Array
@@ -112,20 +112,12 @@ class _Sums(NamedTuple):
 
 def _no_sums(n_targets: int, n_final: int) -> _Sums:
     """Sums before the first step."""
-    components, parts, final = (n_targets, 12), (n_targets, len(PARTS)), (n_targets, n_final)
-    counts = [np.zeros(components, dtype=np.int64) for _ in range(4)]
     return _Sums(
-        counts[0],
-        counts[1],
-        np.zeros(components),
-        counts[2],
-        np.zeros(components),
-        counts[3],
+        *np.zeros((4, n_targets, 12), dtype=np.int64),
+        *np.zeros((2, n_targets, 12)),
         np.zeros(n_targets, dtype=np.int64),
-        np.zeros(parts),
-        np.zeros(parts),
-        np.full(final, np.nan),
-        np.full(final, np.nan),
+        *np.zeros((2, n_targets, len(PARTS))),
+        *np.full((2, n_targets, n_final), np.nan),
     )
 
 

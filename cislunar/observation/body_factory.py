@@ -40,7 +40,7 @@ def body_from_spec(spec: BodySpec, usual: Material) -> Body:
     path = Path(spec.shape)
     changed = path.stat().st_mtime_ns if path.suffix and path.is_file() else 0
     mesh, shadows = _tabulated(spec.shape, spec.meters_per_unit, changed)
-    body = build_body(mesh, spec.surfaces(mesh, usual), shadows=shadows)
+    body = build_body(mesh, spec.surfaces(mesh.groups, usual), shadows=shadows)
     facets = body.facets
     if spec.radius_m is not None:
         facets = scale_to_sphere(facets, spec.radius_m)

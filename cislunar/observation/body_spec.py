@@ -18,7 +18,7 @@ Other columns are ignored. Targets that are not in the table keep the body of th
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -105,19 +105,19 @@ class BodySpec(Section):
             return MODELS[self.shape][0]()
         return load_mesh(self.shape, meters_per_unit=self.meters_per_unit)
 
-    def surfaces(self, mesh: Mesh, usual: Material) -> dict[str, Material]:
+    def surfaces(self, groups: Iterable[str], usual: Material) -> dict[str, Material]:
         """Material of each facet group; `usual` is that of a group without one."""
         if self.materials is not None:
             return group_materials(self.source, self.materials, usual)
         own = MODELS[self.shape][1] if self.shape in MODELS else None
-        return dict.fromkeys(mesh.groups, usual) if own is None else own
+        return dict.fromkeys(groups, usual) if own is None else own
 
     def check(self, usual: Material) -> None:
         """Raise InputFileError, with a message that begins with the source, if the body cannot be
         built: a faulty mesh, a facet without material, or an implausible size."""
         try:
             mesh = self.mesh()
-            material_rows(mesh.source, mesh.groups, self.surfaces(mesh, usual))
+            material_rows(mesh.source, mesh.groups, self.surfaces(mesh.groups, usual))
         except CislunarError as error:
             place = "" if str(error).startswith(self.source) else f"{self.source}: "
             raise InputFileError(f"{place}{error}") from None

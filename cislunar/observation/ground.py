@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.cr3bp import primary_positions
+from cislunar.dynamics.frames import earth_moon_axes
 from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
-from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.errors import ConfigurationError
 from cislunar.runtime import Array, array_of
 
@@ -109,10 +109,7 @@ def station_tracks(
     fixed = np.asarray(position_km, dtype=float)
     out = np.einsum("tji,sj->sti", earth_rotation(times), fixed) / LENGTH_UNIT_KM
     position, velocity, _ = read_table(table, times)
-    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
     if inertial:
-        return out + position[:, earth] / LENGTH_UNIT_KM
-    axes = rotating_frame(
-        position[:, moon] - position[:, earth], velocity[:, moon] - velocity[:, earth]
-    )
+        return out + position[:, BODY_COLUMNS["earth"]] / LENGTH_UNIT_KM
+    axes = earth_moon_axes(position, velocity)
     return np.einsum("tij,stj->sti", axes, out) + np.array(primary_positions(MU)[0])

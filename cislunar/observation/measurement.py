@@ -49,11 +49,11 @@ _PER_SHARE = 2.5 / np.log(10.0)
 
 
 @njit_noalloc
-def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j):
-    """Apparent magnitude of target j; `FLOOR_MAGNITUDE` of `photometry.facets` if no facet
-    reflects. d leads from the observer to the target, s from the target to the Sun (nondimensional,
-    propagation frame); `quaternion` is a tuple, inertial frame to body frame."""
-    light, view, distance, _ = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
+def target_magnitude(place, observer, sun, to_inertial, quaternion, surfaces, j):
+    """Apparent magnitude of target j at `place`; `FLOOR_MAGNITUDE` of `photometry.facets` if no
+    facet reflects. Positions are nondimensional, in the propagation frame; `quaternion` is a tuple,
+    inertial frame to body frame."""
+    light, view, distance, _ = lit_directions(place, observer, sun, to_inertial)
     return body_magnitude(
         quaternion,
         light,
@@ -78,29 +78,17 @@ def _in_flux(error):
 def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
     """Obstacle to target j at time k, apparent magnitude, and dimming by air. The magnitude is
     infinite and the dimming zero if there is an obstacle."""
-    ox = scene.observer_position[observer, k, 0]
-    oy = scene.observer_position[observer, k, 1]
-    oz = scene.observer_position[observer, k, 2]
-    x, y, z = state[0], state[1], state[2]
-    dx, dy, dz = x - ox, y - oy, z - oz
+    place = scene.observer_position[observer, k]
+    ox, oy, oz = place[0], place[1], place[2]
+    dx, dy, dz = state[0] - ox, state[1] - oy, state[2] - oz
     sun, primaries = scene.sun_position[k], scene.primaries[k]
     way = obstacle(ox, oy, oz, dx, dy, dz, sun, own, primaries)
     if way != CLEAR:
         return way, np.inf, 0.0
     air = extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
-    arriving = (dimmed + air) + target_magnitude(
-        dx,
-        dy,
-        dz,
-        sun[0] - x,
-        sun[1] - y,
-        sun[2] - z,
-        scene.frame_axes[k],
-        (attitude[0], attitude[1], attitude[2], attitude[3]),
-        surfaces,
-        j,
-    )
-    return way, arriving, air
+    turned = attitude[0], attitude[1], attitude[2], attitude[3]
+    given = sun, scene.frame_axes[k], turned, surfaces, j
+    return way, (dimmed + air) + target_magnitude(state, place, *given), air
 
 
 @njit_noalloc

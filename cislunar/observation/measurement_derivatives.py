@@ -21,16 +21,6 @@ from cislunar.photometry.parameter_deviations import deviation_rows, with_law
 
 
 @njit_noalloc
-def _rotate_back(axes, x, y, z):
-    """Product of a transposed 3 x 3 matrix and a vector."""
-    return (
-        axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z,
-        axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z,
-        axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z,
-    )
-
-
-@njit_noalloc
 def _across(ux, uy, uz, gx, gy, gz):
     """Component of a vector g perpendicular to the unit vector u."""
     along = ux * gx + uy * gy + uz * gz
@@ -44,17 +34,18 @@ def angle_rows(dx, dy, dz, axes, rows):
     flat2 = bx * bx + by * by
     flat = np.sqrt(flat2)
     squared = flat2 + bz * bz
-    rows[1, 3], rows[1, 4], rows[1, 5] = _rotate_back(axes, -by / flat2, bx / flat2, 0.0)
-    scale = -bz / (flat * squared)
-    rows[2, 3], rows[2, 4], rows[2, 5] = _rotate_back(axes, scale * bx, scale * by, flat / squared)
+    rows[1, 3], rows[1, 4], rows[1, 5] = matrix_times(axes.T, -by / flat2, bx / flat2, 0.0)
+    scale, across = -bz / (flat * squared), flat / squared
+    rows[2, 3], rows[2, 4], rows[2, 5] = matrix_times(axes.T, scale * bx, scale * by, across)
 
 
 @njit_noalloc
-def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j, rows):
+def _magnitude_row(place, observer, sun, to_inertial, quaternion, surfaces, j, rows):
     """Derivatives of the magnitude with respect to attitude and position, into row 0. The
-    observer's direction V = -d/r and the Sun's L = s/|s| change with the position by -(I - V V^T)/r
-    and -(I - L L^T)/|s|; the range adds (5 / ln 10) d/r^2."""
-    light, view, distance, to_sun = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
+    observer's direction V = -d/r, with d from the observer to the target, and the Sun's L = s/|s|
+    change with the position by -(I - V V^T)/r and -(I - L L^T)/|s|; the range adds
+    (5 / ln 10) d/r^2."""
+    light, view, distance, to_sun = lit_directions(place, observer, sun, to_inertial)
     _, turn, by_sun, by_view, by_log_range = body_magnitude_derivatives(
         (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
         light,
@@ -70,8 +61,8 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
     bx, by, bz = _across(light[0], light[1], light[2], by_sun[0], by_sun[1], by_sun[2])
     inward = 1.0 / distance
     sunward = 1.0 / to_sun
-    rows[0, 3], rows[0, 4], rows[0, 5] = _rotate_back(
-        to_inertial,
+    rows[0, 3], rows[0, 4], rows[0, 5] = matrix_times(
+        to_inertial.T,
         -inward * (ax + by_log_range * vx) - sunward * bx,
         -inward * (ay + by_log_range * vy) - sunward * by,
         -inward * (az + by_log_range * vz) - sunward * bz,
@@ -83,26 +74,12 @@ def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
     """Derivatives of (magnitude, right ascension, declination), into `rows` (3, 6), with respect to
     attitude (rad, body frame) and position (nondimensional, propagation frame), at one state (6,)
     and attitude (4,) of target j, for an observer at time k."""
-    x, y, z = state[0], state[1], state[2]
-    dx = x - scene.observer_position[observer, k, 0]
-    dy = y - scene.observer_position[observer, k, 1]
-    dz = z - scene.observer_position[observer, k, 2]
-    sun = scene.sun_position[k]
+    place = scene.observer_position[observer, k]
+    dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
     rows[1:, :3] = 0.0
     angle_rows(dx, dy, dz, scene.observer_axes[k], rows)
-    _magnitude_row(
-        dx,
-        dy,
-        dz,
-        sun[0] - x,
-        sun[1] - y,
-        sun[2] - z,
-        scene.frame_axes[k],
-        quaternion,
-        surfaces,
-        j,
-        rows,
-    )
+    given = scene.sun_position[k], scene.frame_axes[k], quaternion, surfaces, j, rows
+    _magnitude_row(state, place, *given)
 
 
 @njit(cache=True, error_model="numpy")
@@ -110,17 +87,8 @@ def deviation_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sig
     """Derivatives of the magnitude with respect to body-parameter deviations, into `row` (kind,).
     The unit of each of the `kinds` (see `cislunar.photometry.parameter_deviations`) is its `sigma`;
     see `measurement_rows` for the other arguments."""
-    x, y, z = state[0], state[1], state[2]
     place, sun = scene.observer_position[observer, k], scene.sun_position[k]
-    light, view, distance, _ = lit_directions(
-        x - place[0],
-        y - place[1],
-        z - place[2],
-        sun[0] - x,
-        sun[1] - y,
-        sun[2] - z,
-        scene.frame_axes[k],
-    )
+    light, view, distance, _ = lit_directions(state, place, sun, scene.frame_axes[k])
     body, reading = with_law(kinds, body_of(surfaces, j)), surfaces.fresnel_sqrt
     block = one_geometry(quaternion, light, view, distance * METERS)
     shares = np.empty((body.areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))

@@ -54,9 +54,11 @@ def direction_angles(dx, dy, dz, axes):
 
 
 @njit_inline
-def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
-    """Unit vectors from the target to Sun and observer (inertial frame), and the two distances; s
-    is the vector from the target to the Sun."""
+def lit_directions(place, observer, sun, to_inertial):
+    """Unit vectors from a target at `place` to Sun and observer (inertial frame), and the distances
+    to the observer and to the Sun."""
+    dx, dy, dz = place[0] - observer[0], place[1] - observer[1], place[2] - observer[2]
+    sx, sy, sz = sun[0] - place[0], sun[1] - place[1], sun[2] - place[2]
     distance = np.sqrt(dx * dx + dy * dy + dz * dz)
     to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
     view = matrix_times(to_inertial, -dx / distance, -dy / distance, -dz / distance)

@@ -20,6 +20,7 @@ from cislunar.photometry.facet_blocks import (
     BY_HALF2,
     BY_LIT,
     BY_ODDS,
+    BY_PHONG_SHARE,
     BY_REFLECTANCE,
     BY_SEEN,
     BY_SLOPE,
@@ -67,11 +68,7 @@ from cislunar.photometry.facets import (
     fresnel_reflectance,
     reflection_constants,
 )
-from cislunar.photometry.law_mixture import (
-    add_mixed_facet,
-    add_phase_terms,
-    clear_mixture,
-)
+from cislunar.photometry.law_mixture import add_mixed_facet, add_phase_terms
 from cislunar.photometry.materials import TABULATED
 from cislunar.photometry.reflection.laws import reflectance
 from cislunar.photometry.shadows.blocks import (
@@ -196,7 +193,7 @@ def _sum_facets(block, shares, scaled, count, body, fresnel_sqrt, derivatives, s
     if derivatives != _NOTHING:
         b[BY_LIT : BY_REFLECTANCE + 2, :count] = 0.0
         shares[:, :count] = 0.0
-        clear_mixture(b, count)
+        b[BY_PHONG_SHARE:BLOCK_ROWS, :count] = 0.0
     last, left, word, shaded = -1, 0, -1, True
     diffuse, steepness, far, specular_share = 0.0, 0.0, 0.0, 0.0
     for i in range(areas.shape[0]):

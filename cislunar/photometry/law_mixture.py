@@ -55,14 +55,6 @@ _MIDDLE_PHASE, _PHASE_SPREAD = 1.2, 0.3
 
 
 @njit_noalloc
-def clear_mixture(b, count):
-    """Set the derivatives by the law to zero."""
-    for k in range(count):
-        b[BY_PHONG_SHARE, k], b[BY_LOMMEL_SEELIGER_SHARE, k] = 0.0, 0.0
-        b[PHASE_ANGLE, k] = 0.0
-
-
-@njit_noalloc
 def phase_terms(angle):
     """Factors of b1 and of b2 in the magnitude at a phase angle, rad."""
     excess = angle - _MIDDLE_PHASE

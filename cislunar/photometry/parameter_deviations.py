@@ -111,46 +111,27 @@ def perturbed_body(kinds, amounts, body):
     if lengths[0] != 1.0 or lengths[1] != 1.0 or lengths[2] != 1.0:
         _axis_scale(lengths, areas, normals)
     lengths *= body.lengths
-    mixed = body.mixed or law_deviates(kinds)
-    return Body(
-        areas,
-        normals,
-        body.rows,
-        materials,
-        body.shadows,
-        lengths,
-        body.composite or mixed,
-        body.law,
-        body.table,
-        mixed,
-        (phong_share, lommel_seeliger, slope, curvature),
-    )
+    mixture = phong_share, lommel_seeliger, slope, curvature
+    return _changed(kinds, body, areas, normals, materials, lengths, mixture)
 
 
 @njit_alloc
-def law_deviates(kinds):
-    """Whether deviations of the reflection law are among the kinds."""
-    return np.any((kinds >= PHONG_SHARE) & (kinds <= PHASE_CURVATURE))
+def _changed(kinds, body, areas, normals, materials, lengths, mixture):
+    """The body with other arrays and another mixture of laws, and with derivatives by the
+    deviations of the law if they are among the kinds."""
+    mixed = body.mixed or np.any((kinds >= PHONG_SHARE) & (kinds <= PHASE_CURVATURE))
+    return Body(
+        areas, normals, body.rows, materials, body.shadows, lengths, body.composite or mixed,
+        body.law, body.table, mixed, mixture,
+    )  # fmt: skip
 
 
 @njit_alloc
 def with_law(kinds, body):
     """The body, with derivatives by the deviations of the reflection law if they are among the
     kinds; its arrays are shared."""
-    mixed = body.mixed or law_deviates(kinds)
-    return Body(
-        body.areas,
-        body.normals,
-        body.rows,
-        body.materials,
-        body.shadows,
-        body.lengths,
-        body.composite or mixed,
-        body.law,
-        body.table,
-        mixed,
-        body.mixture,
-    )
+    own = body.areas, body.normals, body.materials, body.lengths, body.mixture
+    return _changed(kinds, body, *own)
 
 
 @njit_noalloc

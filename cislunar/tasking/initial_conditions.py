@@ -7,7 +7,7 @@ truth and the measurement errors of their common targets, whatever else differs 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.dynamics import propagate
+from cislunar.dynamics import propagate_many
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.runtime import Array, array_of, count_of
 
@@ -78,13 +78,7 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int) -> Array:
     periods = array_of("period", period, (len(states),))
     count_of("seed", seed, least=0)
     fractions = [stream(_PHASE, seed, j).random() for j in range(periods.size)]
-    times = fractions * periods
-    return np.array(
-        [
-            propagate(one, [time], method="dop853")[0]
-            for one, time in zip(states, times, strict=True)
-        ]
-    )
+    return propagate_many(states, (fractions * periods)[:, None], method="dop853")[:, 0]
 
 
 def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimate:

@@ -18,8 +18,7 @@ _TARGETS_AT_ONCE = 256
 
 
 class _Shade(NamedTuple):
-    """Targets in shadow: indices of time and target (pair,), and the visible share of the Sun's
-    disc (pair,), below 1."""
+    """Result of `shade_of`."""
 
     time: NDArray[np.int64]
     target: NDArray[np.int64]

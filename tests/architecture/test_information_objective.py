@@ -374,7 +374,7 @@ def test_impossible_settings_tables_and_numbers_are_refused():
         free_orbit_slots(scene()[0], 0)
     with pytest.raises(ConfigurationError, match="leaves no orbit"):
         free_orbit_slots(scene()[0], 1, 0.5)
-    with pytest.raises(ConfigurationError, match="n_slots = 10"):
+    with pytest.raises(ConfigurationError, match="n_satellites = 10"):
         certify_information(objective_of(0, 0), 10)
     with pytest.raises(ConfigurationError, match="steps = 0"):
         certify_information(objective_of(0, 0), 3, steps=0)

@@ -1,7 +1,5 @@
 """Settings and data sets of small cells of the paper's filter."""
 
-from pathlib import Path
-
 from campaign_folder import read_campaign
 
 from cislunar.campaign.settings.cell_settings import cell_settings
@@ -11,11 +9,9 @@ from cislunar.campaign.settings.scenarios import scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs
 from cislunar.campaign.tracking.dataset import cell_dataset
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def small_settings(**changes):
-    config = read_campaign(ROOT / "config")
+    config = read_campaign()
     settings = cell_settings(scenario_settings(config, "A")["task2"])
     base = {"seeds": 2, "duration_hours": 3, "sensor": {"limiting_magnitude": 22}}
     return merged(merged(settings, base), changes)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-from campaign_folder import read_campaign, with_change
+from campaign_folder import ROOT, read_campaign, with_change
 
 from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
@@ -29,8 +29,6 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.runtime.netcdf import write_dataset
 from workflow.documents.markdown import fill_blocks, generated_blocks
 from workflow.documents.settings_tables import SETTINGS_BLOCKS
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def random_runs(early_stop):
@@ -63,7 +61,7 @@ def random_runs(early_stop):
 @pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*.yaml")), ids=lambda p: p.stem)
 def test_the_studies_of_the_repository_are_valid(path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    check_campaign(read_campaign(ROOT / "config", path))
+    check_campaign(read_campaign(path))
 
 
 def test_best_of_runs_under_the_early_stop(tmp_path):
@@ -95,7 +93,7 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
 @pytest.fixture
 def config(tmp_path):
     """The configuration of the full campaign, writing to a folder of the test."""
-    return read_campaign(ROOT / "config") | {"results": str(tmp_path / "results")}
+    return read_campaign() | {"results": str(tmp_path / "results")}
 
 
 def test_a_run_without_observations_is_reported(config, caplog):
@@ -275,7 +273,7 @@ def test_schema_for_editors_takes_what_the_campaign_takes():
     judge = jsonschema.Draft202012Validator(json.loads(schema_text()))
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     assert list(judge.iter_errors(config)) == []
-    assert list(judge.iter_errors(read_campaign(ROOT / "config"))) == []
+    assert list(judge.iter_errors(read_campaign())) == []
     for key, value in (("task2.step_s", 0), ("task2.stp_s", 1), ("targets.radial_step_km", 0.1)):
         assert len(list(judge.iter_errors(with_change(config, key, value)))) == 1, key
 

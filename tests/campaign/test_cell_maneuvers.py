@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from campaign_folder import ROOT, read_campaign
+from campaign_folder import read_campaign
 from click.testing import CliRunner
 from small_cells import cell_inputs, settings_of_cell
 
@@ -120,7 +120,7 @@ def test_faults_are_found_before_the_run(inputs, tmp_path):
 
 
 def test_faults_are_found_before_any_job(tmp_path):
-    config = read_campaign(ROOT / "config")
+    config = read_campaign()
     table = tmp_path / "maneuvers.csv"
     config["task2"]["truth"] = {"maneuvers": {"table": str(table)}}
     for row, words in (

@@ -73,7 +73,7 @@ def written(inputs, path, cell, settings, **options):
 
 
 def test_without_a_request_nothing_is_recorded(run, estimator, recorded):
-    assert "record" not in cell_settings(read_campaign(ROOT / "config")["task2"])
+    assert "record" not in cell_settings(read_campaign()["task2"])
     plain = run(estimator)
     assert '"record"' not in plain.attrs["settings"]
     assert set(plain.variables) < set(recorded.variables)
@@ -246,7 +246,7 @@ def test_missing_records_are_refused(inputs, run):
 
 @pytest.mark.parametrize("record", [["light"], "truth", ["truth", "truth"], [1]])
 def test_impossible_records_name_the_key(tmp_path, record):
-    config = read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+    config = read_campaign() | {"results": str(tmp_path)}
     with pytest.raises(ConfigurationError, match=r"'task2\.record"):
         check_campaign(merged(config, {"task2": {"record": record}}))
 

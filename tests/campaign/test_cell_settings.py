@@ -1,7 +1,6 @@
 """Settings of the cells of the tracking campaign."""
 
 import re
-from pathlib import Path
 
 import pytest
 from campaign_folder import read_campaign
@@ -30,7 +29,6 @@ from cislunar.observation.sensor import Atmosphere, ExclusionAngles, GroundSenso
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.tasking.closed_loop import LoopSettings
 
-ROOT = Path(__file__).resolve().parents[2]
 PAPER_COUNTS = {
     "A": [20, 25, 30, 50, 75, 100, 125, 150, 175, 202],
     "B": [33, 50, 75, 100, 125, 150, 175, 202],
@@ -90,7 +88,7 @@ def test_number_of_tracked_targets_is_that_of_the_orbits():
 
 @pytest.mark.parametrize("name", ["quick.yaml", "paper_tpe.yaml"])
 def test_the_other_configurations_are_valid(name, tmp_path):
-    whole = read_campaign(ROOT / "config", ROOT / "config" / name) | {"results": str(tmp_path)}
+    whole = read_campaign(name) | {"results": str(tmp_path)}
     check_campaign(whole)
     assert len(campaign_cells(with_families(whole)["task2"])) > 0
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
+from campaign_folder import copy_workflow, read_campaign, snakemake, with_change
 
 from cislunar.campaign.architectures import objectives
 from cislunar.campaign.architectures.designs import design_dataset, objective_front_dataset
@@ -46,7 +46,7 @@ OBJECTIVES = ("coverage", "target-days", "longest-gap", "mean-gap", "mean-wait",
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory):
     results = str(tmp_path_factory.mktemp("results"))
-    return read_campaign(ROOT / "config") | {"results": results}
+    return read_campaign() | {"results": results}
 
 
 @pytest.fixture(scope="module")
@@ -283,7 +283,7 @@ def test_cells_that_differ_in_their_architecture_are_counted(paper):
 
 
 def test_the_study_of_objectives_is_valid_and_ranks_forty_of_each_number(tmp_path):
-    study = read_campaign(ROOT / "config", ROOT / "config/objectives.yaml")
+    study = read_campaign("objectives.yaml")
     checked = in_study(check_campaign(study | {"results": str(tmp_path)}))
     cells = campaign_cells(with_families(checked)["task2"])
     for number in (20, 33):

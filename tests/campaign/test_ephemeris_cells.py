@@ -103,9 +103,7 @@ def test_the_filter_tracks_truth_with_ephemeris_dynamics(inputs):
 @pytest.fixture(scope="module")
 def study():
     """The configuration of both pipelines with ephemeris dynamics."""
-    return with_families(
-        in_study(check_campaign(read_campaign(ROOT / "config", ROOT / "config/real.yaml")))
-    )
+    return with_families(in_study(check_campaign(read_campaign("real.yaml"))))
 
 
 @pytest.mark.parametrize(("estimator", "variant"), [("batch", ""), ("mukf", "paper-ephemeris")])

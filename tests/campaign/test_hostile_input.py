@@ -9,11 +9,10 @@ import datetime
 import math
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
-from campaign_folder import read_campaign
+from campaign_folder import ROOT, read_campaign
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -36,7 +35,6 @@ from cislunar.figures.tracking.choice import (
 from cislunar.photometry.mesh_files import load_mesh
 from cislunar.targets.missions import load_missions
 
-ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = (ROOT / "config/missions.csv").read_bytes()
 MOST_CELLS = 100_000
 LONGEST_LINE = 500
@@ -51,7 +49,7 @@ reproducible = settings(
 
 
 def read_config():
-    config = read_campaign(ROOT / "config")
+    config = read_campaign()
     config["targets"]["missions"] = str(ROOT / config["targets"]["missions"])
     return config
 

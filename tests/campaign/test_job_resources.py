@@ -1,11 +1,11 @@
 """Memory and time asked of a cluster follow from the benchmarks of a campaign."""
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
+from campaign_folder import ROOT
 
 from cislunar.errors import InputFileError
 from workflow.documents.job_resources import (
@@ -15,7 +15,6 @@ from workflow.documents.job_resources import (
     with_requests,
 )
 
-ROOT = Path(__file__).resolve().parents[2]
 RULES = ROOT / "workflow/rules"
 PROFILE = (ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8")
 MEASURED = ROOT / "profiles/slurm/measured.csv"

@@ -1,16 +1,11 @@
 """Model errors: their size from the configuration, the table of their cost, the figure's curves."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from campaign_folder import read_campaign
 
 from cislunar.campaign.settings.cells import Cell, variant_cells
-from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, model_errors, plotted_errors
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.campaign.tracking.tables import ERROR_COLUMNS, ERROR_QUANTITIES, model_error_rows
@@ -19,13 +14,7 @@ from cislunar.errors import InputFileError
 from cislunar.evaluation.intervals import t_interval
 from cislunar.figures.tracking.model_error import ROWS, curve, model_error_figure
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
 SEEDS, TARGETS = 4, 6
-
-
-@pytest.fixture
-def task2():
-    return with_families(read_campaign(CONFIG))["task2"]
 
 
 def cell_data(level, seed):
@@ -200,7 +189,6 @@ def test_remedies_have_curves_of_their_own(task2):
 
 
 def test_a_table_without_sizes_is_refused(task2):
-    task2 = merged(task2, {})
     table = model_error_rows(summary_with(["mukf"]), {"task2": task2})
     with pytest.raises(InputFileError, match=r"model_error\.csv.*task2\.variants\.families"):
         model_error_figure(table[table.kind == NONE])

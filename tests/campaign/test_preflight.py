@@ -2,12 +2,11 @@
 
 import importlib.util
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from campaign_folder import read_campaign, with_change
+from campaign_folder import ROOT, read_campaign, with_change
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.preflight import (
@@ -20,13 +19,11 @@ from cislunar.errors import CislunarError, ConfigurationError, InputFileError
 from cislunar.runtime.netcdf import variable, write_dataset
 from cislunar.runtime.provenance import provenance
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def config():
     """The configuration of the full campaign, wherever the tests are started."""
-    settings = read_campaign(ROOT / "config")
+    settings = read_campaign()
     settings["targets"]["missions"] = str(ROOT / settings["targets"]["missions"])
     return settings
 

@@ -217,7 +217,7 @@ def test_a_truth_that_a_survey_cannot_have_is_refused():
         ({"cell": {"tasking": {"mode": "paper"}}}, "surveys.mine.cell.tasking"),
     ):
         entry = {"architecture": "published", "targets": 5} | change
-        config = merged(read_campaign(ROOT / "config"), {"surveys": {"mine": entry}})
+        config = merged(read_campaign(), {"surveys": {"mine": entry}})
         with pytest.raises(ConfigurationError, match=words) as caught:
             check_campaign(config)
         assert "\n" not in str(caught.value)
@@ -320,7 +320,7 @@ def test_rows_are_those_of_the_days_and_of_the_end():
 
 
 def test_impossible_surveys_are_refused_before_anything_runs():
-    config = read_campaign(ROOT / "config")
+    config = read_campaign()
     own = {"D": {"targets": 9, "tracked": str(ROOT / "config/examples/targets.csv")}}
     survey = {"mine": {"architecture": "exact", "scenario": "D", "targets": 13}}
     with pytest.raises(ConfigurationError, match=r"'surveys.mine.targets' = 13 exceeds the 12"):

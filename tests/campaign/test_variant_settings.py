@@ -1,7 +1,6 @@
 """Variants of cells, and truths that differ from what the estimators assume."""
 
 import copy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,6 @@ from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.initial_conditions import INITIAL_RATE_DEG_H
 
 NAMES = [["0"], ["1"], ["2"]]
-ROOT = Path(__file__).resolve().parents[2]
 
 
 IN_FIELD = {"detections": "all-in-field"}

@@ -10,11 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
+from campaign_folder import ROOT
 
 from cislunar.runtime import worker_client
 from cislunar.runtime.worker_client import FOLDER
 
-ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*.py"))
 LIMIT_S = 1800.0
 """So long that only a failure exceeds it, also on a busy machine."""

@@ -56,11 +56,9 @@ def _moved(problem, j, change, kinds):
 
 
 def _measured(scene, surfaces, j, observer, k, quaternion, state):
-    d = state[:3] - scene.observer_position[observer, k]
-    s = scene.sun_position[k] - state[:3]
-    magnitude = target_magnitude(
-        *d, *s, scene.frame_axes[k], tuple(quaternion), surfaces, j
-    )  # fmt: skip
+    place = scene.observer_position[observer, k]
+    d, given = state[:3] - place, (scene.sun_position[k], scene.frame_axes[k])
+    magnitude = target_magnitude(state[:3], place, *given, tuple(quaternion), surfaces, j)
     return np.array([magnitude, *direction_angles(*d, scene.observer_axes[k])])
 
 

@@ -8,7 +8,7 @@ from message_files import file_of, refused, spoil
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.quaternion import inverse, to_body
-from cislunar.constants import EPOCH_JD, TIME_UNIT_S
+from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate
 from cislunar.ephemeris.time_scales import clock_seconds, clock_to_tdb
 from cislunar.errors import ConfigurationError
@@ -17,7 +17,6 @@ from cislunar.exchange import (
     Maneuver,
     aem_text,
     arc,
-    epoch_at,
     ocm_text,
     oem_text,
     read_aem,
@@ -28,11 +27,6 @@ from cislunar.exchange import (
 CREATED = "2030-01-01T00:00:00"
 HALO = np.array([1.14, 0.0, -0.16, 0.0, -0.223, 0.0])
 ELAPSED = np.arange(0.0, 43_200.0, 3_600.0)
-
-
-@pytest.fixture(scope="module")
-def epoch():
-    return epoch_at(EPOCH_JD)
 
 
 @pytest.fixture(scope="module")

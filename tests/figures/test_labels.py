@@ -1,10 +1,8 @@
 """Labels in words: of all that the shipped configurations name, and of what they do not know."""
 
-from pathlib import Path
-
 import pytest
 import xarray as xr
-import yaml
+from campaign_folder import read_settings
 
 from cislunar.figures.labels import (
     ARCHITECTURES,
@@ -19,15 +17,9 @@ from cislunar.figures.labels import (
     words,
 )
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-
-
-def shipped(name):
-    return yaml.safe_load((CONFIG / name).read_text(encoding="utf-8"))
-
 
 def test_every_pipeline_of_the_study_has_a_label_of_its_own():
-    variants = shipped("real.yaml")["task2"]["variants"]
+    variants = read_settings("real.yaml")["task2"]["variants"]
     named = {
         (without_number(family["architecture"]), estimator, change)
         for family in variants["families"].values()
@@ -42,7 +34,7 @@ def test_every_pipeline_of_the_study_has_a_label_of_its_own():
 
 @pytest.mark.parametrize("name", ["tasking.yaml", "dynamics.yaml"])
 def test_every_value_of_the_shipped_sweeps_has_a_label(name):
-    for sweep in shipped(name)["sweeps"].values():
+    for sweep in read_settings(name)["sweeps"].values():
         for key, value in sweep["values"].items():
             assert (value if isinstance(value, str) else key) in VALUES, key
 
@@ -51,7 +43,7 @@ def test_designs_have_the_label_of_their_kind_and_their_number():
     assert architecture_label("information-20") == "maximum orbit information, 20 satellites"
     assert architecture_label("information") == "maximum orbit information"
     assert architecture_label("my_own-3") == "my own 3"
-    designs = shipped("objectives.yaml")["architecture"]["designs"]
+    designs = read_settings("objectives.yaml")["architecture"]["designs"]
     assert {without_number(name) for name in designs} <= set(ARCHITECTURES)
 
 

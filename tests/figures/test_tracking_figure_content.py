@@ -1,7 +1,6 @@
 """Content of the tracking figures: cells and targets, values of heat maps and panels, units."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,13 +42,12 @@ from cislunar.figures.tracking.learned import learned_figure, shares_of_prior
 from cislunar.figures.tracking.representative import representative_target_figure
 from cislunar.figures.tracking.tasking import METHODS
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
 VELOCITY_UNIT_M_S = 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S
 
 
 def task2(*files):
     """Key `task2` of the configuration, with further files over it."""
-    return with_families(read_campaign(CONFIG, *(CONFIG / name for name in files)))["task2"]
+    return with_families(read_campaign(*files))["task2"]
 
 
 def test_paper_cells_are_chosen_from_the_full_configuration():
@@ -201,9 +199,9 @@ def test_what_is_learned_is_drawn_over_the_prior():
     claimed = figure.axes[1].lines[0]
     np.testing.assert_allclose(claimed.get_xdata(), [1, 2, 3, 4, 5])
     np.testing.assert_allclose(claimed.get_ydata(), np.linspace(1.0, 0.2, 5))
-    task2 = with_families(read_campaign(CONFIG))["task2"]
-    assert [each.variant for each in learned_cell(task2)] == ["everything-joint-turning"]
-    task2["variants"] = {**task2["variants"], "cells": {}}
-    assert learned_cell(task2) == []
+    settings = task2()
+    assert [each.variant for each in learned_cell(settings)] == ["everything-joint-turning"]
+    settings["variants"] = {**settings["variants"], "cells": {}}
+    assert learned_cell(settings) == []
     with pytest.raises(InputFileError, match=r"task2\.batch\.estimated_parameters"):
         learned_figure(cell.drop_vars("parameter_sigma"))

@@ -195,10 +195,9 @@ def test_shapes_and_materials_may_differ_between_targets(problem):
     mixed = target_surfaces(shapes, materials, 3)
     for j in range(3):
         alone = target_surfaces(shapes[j], materials[j], 1)
-        arguments = (np.array([0.3, 0.1, 0.2]), scene.sun_position[1], scene.frame_axes[1])
+        place, sun = np.array([0.3, 0.1, 0.2]), np.array([0.3, 0.1, 0.2]) + scene.sun_position[1]
+        given = place, np.zeros(3), sun, scene.frame_axes[1]
         quaternion = tuple(truth.quaternion[j, 1])
-        got = measurement.target_magnitude(*arguments[0], *arguments[1], arguments[2], quaternion,
-                                           mixed, j)  # fmt: skip
-        expected = measurement.target_magnitude(*arguments[0], *arguments[1], arguments[2],
-                                                quaternion, alone, 0)  # fmt: skip
+        got = measurement.target_magnitude(*given, quaternion, mixed, j)
+        expected = measurement.target_magnitude(*given, quaternion, alone, 0)
         assert got == expected

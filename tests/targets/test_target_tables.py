@@ -1,10 +1,12 @@
 """Tables of user-defined targets: units, starts, and what is refused."""
 
 import os
+import re
 
 import numpy as np
 import pytest
 from campaign_folder import with_change
+from message_files import refused, table
 
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
 from cislunar.campaign.settings.preflight import check_orbits
@@ -20,12 +22,6 @@ HEADER = "id,x,y,z,vx,vy,vz"
 KM = "id,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s"
 GOOD = "one,0.5,0.1,0,0.1,0.2,0"
 NEAR_RECTILINEAR = "1.02869104,0,-0.18633781,0,-0.11733440,0"
-
-
-def table(tmp_path, *rows):
-    path = tmp_path / "targets.csv"
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
 
 
 def test_both_units_give_the_same_states(tmp_path):
@@ -70,12 +66,7 @@ def test_both_units_give_the_same_states(tmp_path):
     ],
 )
 def test_faults_of_target_tables_are_one_line_that_names_the_field(tmp_path, rows, message):
-    path = table(tmp_path, *rows)
-    with pytest.raises(InputFileError) as refused:
-        load_target_states(path)
-    assert message in str(refused.value)
-    assert str(refused.value).startswith(str(path))
-    assert "\n" not in str(refused.value)
+    refused(load_target_states, table(tmp_path, *rows), re.escape(message))
 
 
 def test_unreadable_tables_are_refused(tmp_path):

@@ -30,7 +30,6 @@ from cislunar.tasking.settings import CommunicationModel, LoopSettings
 from cislunar.tasking.truth import Truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
-HIDDEN = [method for method in ASSOCIATORS if method != "known-identity"]
 
 
 def in_field(method, **changes):

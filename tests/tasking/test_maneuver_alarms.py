@@ -26,12 +26,12 @@ PLAIN = mukf(use_magnitude=False)
 NAMES = [name for name in HISTORIES if name.startswith("maneuver_")]
 
 
-def run(factory, given=NO_MANEUVERS, hours=4.0, **settings):
+def run(factory, given=NO_MANEUVERS, hours=4.0, sensor=BRIGHT, counts=(4, 5), **settings):
     settings = {"record": ("estimates", "covariance", "truth"), **settings}
     scene, surfaces, epoch, ids, loop = tracking_problem(
-        4, 5, duration_hours=hours, sensor=BRIGHT, **settings
+        *counts, duration_hours=hours, sensor=sensor, **settings
     )
-    truth = TruthModel(surfaces, BRIGHT.noise, np.zeros(3), maneuvers=given)
+    truth = TruthModel(surfaces, sensor.noise, np.zeros(3), maneuvers=given)
     return run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=factory, truth=truth)
 
 

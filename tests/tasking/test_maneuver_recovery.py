@@ -1,18 +1,17 @@
 """Tests for orbits that are estimated anew after a maneuver, in the closed loop."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from test_maneuver_alarms import BRIGHT, DETECTION, PLAIN
+from test_maneuver_alarms import BRIGHT, DETECTION, PLAIN, run
 
 from cislunar.association.model import AssociationModel
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.maneuvers import monitored
-from cislunar.targets.maneuvers import NO_MANEUVERS, Maneuvers
-from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.targets.maneuvers import Maneuvers
 from cislunar.tasking.communication.model import CommunicationModel
-from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.truth import TruthModel
 
 RECOVERING = DETECTION.model_copy(update={"recover": True})
 TIME_S = 9000.0
@@ -23,13 +22,7 @@ def impulse(target, velocity, time_s=TIME_S):
     return Maneuvers(*given, np.zeros(1, dtype=np.int64))
 
 
-def run(factory, given=NO_MANEUVERS, hours=8.0, sensor=BRIGHT, counts=(4, 5), **settings):
-    settings = {"record": ("estimates", "covariance", "truth"), **settings}
-    scene, surfaces, epoch, ids, loop = tracking_problem(
-        *counts, duration_hours=hours, sensor=sensor, **settings
-    )
-    truth = TruthModel(surfaces, sensor.noise, np.zeros(3), maneuvers=given)
-    return run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=factory, truth=truth)
+run = partial(run, hours=8.0)
 
 
 def km(result, target):

@@ -67,7 +67,7 @@ def test_dry_run_of_the_full_campaign(fresh):
     assert code == 0, output[-3000:]
     jobs = dict(re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE))
     # Three scenarios with five searches of each kind, and TPE with the other labels in A.
-    config = read_campaign(ROOT / "config")
+    config = read_campaign()
     runs = config["architecture"]["runs"]
     others = len(config["architecture"]["label_comparison"]["labels"])
     assert int(jobs["search_run"]) == runs * (3 * 2 + others)

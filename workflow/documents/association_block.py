@@ -8,24 +8,11 @@ import numpy as np
 from cislunar.campaign.tracking.association_table import PLACE, TASKED
 from cislunar.figures.labels import ASSOCIATORS, ESTIMATORS
 
-from .columns import Tables, stated
+from .columns import COLUMNS, Tables, by_cell, numbers
 from .markdown import DASH, markdown_table
 
 STUDY = "association"
 """Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
-
-_QUANTITIES = {
-    "Wrong associations per day": ("wrong_associations_per_day", ".2f"),
-    "Tracks lost by wrong associations": ("lost_tracks", ".2f"),
-    "Tracks switched": ("switched_tracks", ".2f"),
-    "Targets beyond 10 km": ("beyond_custody", ".1f"),
-    "GOSPA (km)": ("gospa", ".1f"),
-    "GOSPA ratio": ("gospa_ratio", ".3f"),
-    "ANEES": ("anees", ".2f"),
-    "ANEES, worst realization": ("anees", ".2f", 1.0, "largest"),
-    "Position error (km)": ("position_km", ".3g"),
-}
-"""Columns of the tables: quantity, format, factor, and the statistic if it is not the mean."""
 
 _KEYS = ["associator", *PLACE]
 
@@ -56,11 +43,10 @@ def _rows(
         own = table[key]
         table = table[np.isclose(own, value) if isinstance(value, float) else own == value]
     found = []
-    for place, cell in table.groupby(_KEYS, sort=False):
+    for place, cell in by_cell(table, _KEYS).items():
         values = dict(zip(_KEYS, place, strict=True))
-        rows = cell.set_index("quantity")
-        numbers = [stated(rows, *column) for column in _QUANTITIES.values()]
-        found.append([*(head(values) for head in heads.values()), *numbers])
+        first = [head(values) for head in heads.values()]
+        found.append([*first, *numbers(cell, COLUMNS[STUDY].values())])
     return found
 
 
@@ -83,7 +69,7 @@ def _table(same: Mapping[str, Any], *heads: str) -> Callable[[Tables], dict[str,
     columns = {name: _HEADS[name] for name in (*heads, *list(_HEADS)[-2:])}
 
     def values(tables: Tables) -> dict[str, str]:
-        header = [*columns, *_QUANTITIES]
+        header = [*columns, *COLUMNS[STUDY]]
         return {"table": markdown_table(header, _rows(tables, same, columns))}
 
     return values

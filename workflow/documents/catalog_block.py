@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from .columns import Tables, stated
+from .columns import Column as Number
+from .columns import Tables, by_cell, numbers
 from .markdown import markdown_table
 
 STUDIES = ("catalog", "survey")
@@ -161,13 +162,12 @@ def _surveys(study: str, tables: Tables) -> dict[str, object]:
 def _table(table: pd.DataFrame, columns: Sequence[Column]) -> dict[str, str]:
     """A table of the surveys that have one of the quantities, and the terms of its columns."""
     own = table[table["quantity"].isin([each.quantity for each in columns])]
-    rows = []
-    for (label, day), cell in own.groupby(["label", "day"], sort=False):
-        found = cell.set_index("quantity")
-        rows.append([
-            label, f"{day:g}", int(cell["seeds"].max()),
-            *(stated(found, each.quantity, each.format, each.factor) for each in columns),
-        ])  # fmt: skip
+    shown = [Number(each.quantity, "", "1", each.format, each.factor, interval=True)
+             for each in columns]  # fmt: skip
+    rows = [
+        [label, f"{day:g}", int(max(row["seeds"] for row in cell.values())), *numbers(cell, shown)]
+        for (label, day), cell in by_cell(own, ["label", "day"]).items()
+    ]
     titles = [each.title for each in columns]
     return {
         "table": markdown_table(["Survey", "Days", "Realizations", *titles], rows),

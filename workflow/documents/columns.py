@@ -1,6 +1,5 @@
 """Columns of numbers: which quantity of a cell of the campaign a table shows, and how."""
 
-import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,7 +45,7 @@ def _columns(columns: Mapping[str, list], interval: int | str) -> dict[str, Colu
     count = len(columns) if interval == "all" else interval
     found = {title: Column(*values) for title, values in columns.items()}
     return {
-        title: column._replace(interval=k < count and column.of == "mean")
+        title: column._replace(interval=k < count and column.of in ("mean", "value"))
         for k, (title, column) in enumerate(found.items())
     }
 
@@ -78,27 +77,8 @@ def by_cell(table: pd.DataFrame, keys: list[str]) -> dict[tuple, Cell]:
     found: dict[tuple, dict] = {}
     for row in with_text(table).to_dict("records"):
         cell = found.setdefault(tuple(row[key] for key in keys), {})
-        cell[row["quantity"], row["part"], str(row.get("unit", "1"))] = row
+        cell[row["quantity"], row.get("part", ""), str(row.get("unit", "1"))] = row
     return found
-
-
-def stated(
-    rows: pd.DataFrame,
-    quantity: str,
-    form: str,
-    factor: float = 1.0,
-    of: str = "mean",
-) -> str:
-    """A number of a cell whose rows have their quantity as index, with its interval, if it has one;
-    of a statistic other than the mean or the value the number alone."""
-    if quantity not in rows.index:
-        return DASH
-    value, low, high = factor * rows.loc[quantity, [of, "low", "high"]].to_numpy(dtype=float)
-    if not math.isfinite(value):
-        return DASH
-    if of not in ("mean", "value") or not math.isfinite(low):
-        return f"{value:{form}}"
-    return f"{value:{form}} [{low:{form}}, {high:{form}}]"
 
 
 def shown(cell: Cell, column: Column, of: str | None = None) -> str:

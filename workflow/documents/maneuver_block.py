@@ -1,13 +1,11 @@
 """The tables of targets that maneuver, from the study ``config/maneuvers.yaml``."""
 
-from collections.abc import Callable, Mapping
-
-import pandas as pd
+from collections.abc import Callable
 
 from cislunar.campaign.tracking.maneuvers.table import PLACE
 from cislunar.figures.labels import ESTIMATORS
 
-from .columns import Tables, stated
+from .columns import COLUMNS, Tables, by_cell, numbers
 from .markdown import markdown_table
 
 STUDY = "maneuvers"
@@ -21,37 +19,7 @@ _RESPONSES = {
     "search": "estimated, with a search",
 }
 
-_OF_SIZES = {
-    "Detected within 24 h (%)": ("detected", ".0f", 100.0),
-    "Median time to alarm (h)": ("latency_h", ".1f", 1.0),
-    "In custody after 6 h, of targets observed by then (%)": ("custody_6_h_observed", ".0f", 100.0),
-    "In custody after 24 h (%)": ("custody_24_h", ".0f", 100.0),
-    "Position error after 24 h (km)": ("error_24_h_km", ".3g", 1.0),
-    "Median normalized squared error after 24 h": ("anees_24_h", ".2g", 1.0),
-    "Error of the estimated time (h)": ("time_error_h", ".2g", 1.0),
-    "Error of the estimated change of velocity (m/s)": ("velocity_error_m_s", ".2g", 1.0),
-    "Components of the estimated change within 3 sigma (%), 99.7 if consistent": (
-        "velocity_coverage",
-        ".0f",
-        100.0,
-    ),
-}
-_OF_CELLS = {
-    "Change of velocity detected with a probability of 90 % (m/s)": ("detectable_m_s", ".2f", 1.0),
-    "False alarms per target-day": ("false_alarms_per_day", ".4f", 1.0),
-    "In custody at the end (%)": ("custody_end", ".1f", 100.0),
-    "Median normalized squared error at the end": ("anees_end", ".2f", 1.0),
-    "Position error at the end of targets without a maneuver (km)": (
-        "coasting_error_km",
-        ".3g",
-        1.0,
-    ),
-}
-
-
-def _numbers(cell: pd.DataFrame, columns: Mapping[str, tuple]) -> list[str]:
-    """Values of a cell with their intervals."""
-    return [stated(cell.set_index("quantity"), *each, "value") for each in columns.values()]
+_CLASS = ["smallest_m_s", "largest_m_s", "response"]
 
 
 def _heads(place: tuple) -> list[object]:
@@ -78,11 +46,12 @@ def _cells(tables: Tables) -> dict[str, str]:
     """One row for each cell."""
     table = tables[STUDY]
     table = table[table["smallest_m_s"].isna()]
+    columns = COLUMNS["maneuver_cells"]
     rows = [
-        [*_heads(place), *_numbers(cell, _OF_CELLS)]
-        for place, cell in table.groupby(list(PLACE), sort=False)
+        [*_heads(place), *numbers(cell, columns.values())]
+        for place, cell in by_cell(table, list(PLACE)).items()
     ]
-    return {"table": markdown_table([*_HEADS, *_OF_CELLS], rows)}
+    return {"table": markdown_table([*_HEADS, *columns], rows)}
 
 
 def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]]:
@@ -96,14 +65,13 @@ def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]
         for key, value in same.items():
             table = table[table[key] == value]
         table = table[table["smallest_m_s"].notna()]
+        columns, cells = COLUMNS["maneuver_sizes"], by_cell(table, _CLASS)
         rows = []
-        for (low, high, response), own in table.groupby(
-            ["smallest_m_s", "largest_m_s", "response"], sort=True
-        ):
-            number = int(own.set_index("quantity").loc["detected", "number"])
+        for (low, high, response), cell in sorted(cells.items(), key=lambda item: item[0]):
+            number = int(cell["detected", "", "1"]["number"])
             head = [f"{low:g} to {high:g}", _RESPONSES[response], number]
-            rows.append([*head, *_numbers(own, _OF_SIZES)])
-        header = ["Change of velocity (m/s)", "Response to alarms", "Maneuvers", *_OF_SIZES]
+            rows.append([*head, *numbers(cell, columns.values())])
+        header = ["Change of velocity (m/s)", "Response to alarms", "Maneuvers", *columns]
         return {"table": markdown_table(header, rows)}
 
     return values

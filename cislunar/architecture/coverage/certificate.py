@@ -3,16 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import (
-    THOROUGH,
-    Effort,
-    ObjectiveCertificate,
-    certified_search,
-    check_size,
-)
+from cislunar.architecture.certified import THOROUGH, Effort, ObjectiveCertificate, certified_search
 from cislunar.architecture.coverage.kernels import lazy_greedy
 from cislunar.architecture.coverage.lagrangian import coverage_bound
 from cislunar.architecture.coverage.objective import CoverageObjective
+from cislunar.runtime.arguments import count_of
 
 _LARGE = 10_000_000
 """Size of tables, in words, above which a search takes seconds and a bound tens of seconds. Tables
@@ -49,7 +44,8 @@ def greedy_coverage(
         If the number of satellites or of orbit slots is impossible.
     """
     n_slots = n_satellites if n_slots is None else n_slots
-    check_size(objective, n_satellites, n_slots)
+    most = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
+    count_of("n_satellites", n_satellites, n_slots, most)
     single = np.arange(objective.n_orbits) * objective.max_satellites
     orbit = lazy_greedy(
         objective.candidates, single, n_slots, objective.tables.fold, objective.reachable
@@ -102,8 +98,7 @@ def certify_coverage(
     ConfigurationError
         If the number of satellites, of orbit slots or of steps is impossible.
     """
-    n_slots = n_satellites if n_slots is None else n_slots
-    check_size(objective, n_satellites, n_slots, steps)
+    count_of("steps", steps)
     return certified_search(
         objective,
         lambda: greedy_coverage(objective, n_satellites, n_slots=n_slots),

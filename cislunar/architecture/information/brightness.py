@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import njit
-from cislunar.errors import ConfigurationError
 from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
+from cislunar.runtime.arguments import array_of
 
 _PHASE_ANGLES = 91
 """Number of phase angles of the table, from 0 to 180 degrees."""
@@ -54,9 +54,7 @@ def squared_detection_ranges(
     ConfigurationError
         If the attitudes have another shape, or there is none.
     """
-    attitudes = np.asarray(quaternion, dtype=float)
-    if attitudes.ndim != 2 or attitudes.shape[0] < 1 or attitudes.shape[1] != 4:
-        raise ConfigurationError(f"quaternion has shape {attitudes.shape}; (attitude, 4) is needed")
+    attitudes = array_of("quaternion", quaternion, ("attitude", 4))
     found = np.empty((surfaces.first.size - 1, _PHASE_ANGLES, len(attitudes)))
     for target in range(len(found)):
         _fill_squared_ranges(surfaces, target, attitudes, float(limiting_magnitude), found[target])

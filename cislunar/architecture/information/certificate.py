@@ -5,16 +5,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import (
-    Bound,
-    Choice,
-    ObjectiveCertificate,
-    certified_search,
-    check_size,
-)
+from cislunar.architecture.certified import Bound, Choice, ObjectiveCertificate, certified_search
 from cislunar.architecture.information.kernels import greedy_orbit_slots
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.information.relaxation import information_bound
+from cislunar.runtime.arguments import count_of
 
 
 def greedy_information(
@@ -23,7 +18,7 @@ def greedy_information(
     """Greedy architecture of a number of satellites, `orbit` and `satellites` (slot,) in the order
     of the choices, so that the first n are the greedy choice of n satellites; ties to rounding go
     to the first."""
-    check_size(objective, n_satellites, n_satellites)
+    count_of("n_satellites", n_satellites, most=objective.n_orbits)
     orbit = greedy_orbit_slots(objective.tables.matrix, n_satellites, objective.tables.nuisance)
     return orbit, np.ones_like(orbit)
 
@@ -63,7 +58,7 @@ def certify_information(
     ConfigurationError
         If the number of satellites or of steps is impossible.
     """
-    check_size(objective, n_satellites, n_satellites, steps)
+    count_of("steps", steps)
 
     @cache
     def greedy() -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -90,9 +90,9 @@ def add_magnitudes(track, target, sun, view, turning, surfaces, limit, observati
         for j in range(n_targets):
             if not seen[j]:
                 continue
-            dx, dy, dz = _difference(track[k], target[k, j])
-            sx, sy, sz = _difference(target[k, j], sun[k])
-            light, toward, distance, _ = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial[k])
+            light, toward, distance, _ = lit_directions(
+                target[k, j], track[k], sun[k], to_inertial[k]
+            )
             body = body_of(surfaces, j)
             for s in range(n_attitudes):
                 q = attitude[k, j, s]

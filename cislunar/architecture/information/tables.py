@@ -28,7 +28,7 @@ from cislunar.observation import METERS, Sensor, TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, count_of, indices_of
+from cislunar.runtime.arguments import array_of, count_of, indices_of, number_of
 from cislunar.visibility.tracks import satellite_tracks
 
 HOUR = 3600.0 / TIME_UNIT_S
@@ -64,8 +64,7 @@ class ObservationSettings:
     initial: InitialSigma = PAPER_INITIAL_SIGMA
 
     def __post_init__(self) -> None:
-        if not (self.per_hour > 0.0 and np.isfinite(self.per_hour)):
-            raise ConfigurationError(f"per_hour = {self.per_hour} must be positive and finite")
+        number_of("per_hour", self.per_hour, positive=True)
 
     def view(self) -> tuple:
         """Limits, faintness and positions of Earth and Moon, for the compiled kernels."""
@@ -111,8 +110,7 @@ def windows_of(
     ConfigurationError
         If there is no window, a window is not within the horizon, or the step does not divide it.
     """
-    if count < 1:
-        raise ConfigurationError(f"count = {count} must be at least 1")
+    count_of("count", count)
     if not 0.0 < hours <= 24.0 * horizon_days:
         raise ConfigurationError(
             f"hours = {hours} must be positive and within the horizon of {horizon_days} days"

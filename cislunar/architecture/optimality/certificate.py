@@ -28,14 +28,7 @@ _PROGRESS_STEPS = 1000
 
 @dataclass(frozen=True)
 class _CostCertificate:
-    """Proof of the largest value.
-
-    `proven` is True if no architecture exceeds `value` by more than one part in 1e6 and the list is
-    complete. `orbit` and `satellites` (slot,) are the best architecture with its `value`; `bound`
-    is an upper bound over all architectures, and `gap` is bound / value - 1. Architectures with
-    value >= (1 - epsilon) best are listed in `near_orbit`, `near_satellites` (found, slot) and
-    `near_value` (found,), best first. `nodes` counts all levels; `seconds` is the time of the whole
-    proof."""
+    """Result of `certify`."""
 
     proven: bool
     orbit: NDArray[np.int64]

@@ -77,17 +77,7 @@ def value(relaxation, orbit, satellites):
 @njit(cache=True, nogil=True)
 def active_orbits(lowest, highest):
     """Indices of the orbits that are not excluded."""
-    count = 0
-    for i in range(lowest.size):
-        if lowest[i] <= highest[i]:
-            count += 1
-    active = np.empty(count, np.int64)
-    count = 0
-    for i in range(lowest.size):
-        if lowest[i] <= highest[i]:
-            active[count] = i
-            count += 1
-    return active
+    return np.flatnonzero(lowest <= highest)
 
 
 @njit(cache=True, nogil=True)

@@ -3,14 +3,9 @@
 import numpy as np
 
 from cislunar.architecture import Objective, random_start
-from cislunar.architecture.certified import (
-    Bound,
-    Choice,
-    ObjectiveCertificate,
-    certified_search,
-    check_size,
-)
+from cislunar.architecture.certified import Bound, Choice, ObjectiveCertificate, certified_search
 from cislunar.architecture.optimality.branch_and_bound import search_level
+from cislunar.runtime.arguments import count_of
 
 _BELOW = 1.0 - 1e-6  # threshold relative to the value, so that the bound can equal the value
 
@@ -55,7 +50,9 @@ def certify_total(
     ConfigurationError
         If the number of satellites, of orbits, of nodes or of restarts is impossible.
     """
-    check_size(objective, n_satellites, n_slots, nodes)
+    most = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
+    count_of("n_satellites", n_satellites, n_slots, most)
+    count_of("nodes", nodes)
     rng = np.random.default_rng(0) if rng is None else rng
     size = objective.n_orbits, objective.max_satellites
 

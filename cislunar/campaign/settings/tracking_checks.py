@@ -19,8 +19,8 @@ from cislunar.campaign.settings.scenarios import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.observation import ICOSAHEDRON, BodyParameterPrior, BodySpec, require_freedom
-from cislunar.photometry import MODELS, PhotometryModel, group_materials
-from cislunar.runtime import Array, is_multiple, require_multiple, shortened_interval
+from cislunar.photometry import PhotometryModel
+from cislunar.runtime import is_multiple, require_multiple, shortened_interval
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
@@ -38,11 +38,10 @@ def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     for variant in stated:
         own = settings[cells.variant_place(task2, variant.name)[0]]
         _check_cell(f"{variant.key}: ", own["task2"], own, variant.name)
-    minutes = [("interval_minutes", task2["interval_minutes"])]
-    for key, value in minutes + [("intervals.minutes", m) for m in task2["intervals"]["minutes"]]:
+    for value in task2["intervals"]["minutes"]:
         if not is_multiple(60.0 * value, task2["step_s"]):
             raise ConfigurationError(
-                f"configuration key 'task2.{key}': {value} min is no multiple of "
+                f"configuration key 'task2.intervals.minutes': {value} min is no multiple of "
                 f"'task2.step_s' = {task2['step_s']} s"
             )
     _check_counts(config, stated)
@@ -225,7 +224,9 @@ def require_consistent(
         ("truth.parameter_sigma", BodyParameterPrior(**sampled), true, law),
     ):
         try:
-            prior.require_possible(_materials(of), number)
+            # of the body of all targets that no table describes
+            found = of.body.named("task2.body").surfaces([""], of.material).values()
+            prior.require_possible([each.as_array() for each in found], number)
         except ConfigurationError as error:
             raise ConfigurationError(f"{key(name)}: {error}") from None
     estimated = settings.batch.estimated_parameters
@@ -304,17 +305,6 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
             f"configuration key '{place}dynamics.filter': fusion = {settings.fusion!r} needs a "
             "force model that all targets share; set it to 'ephemeris'"
         )
-
-
-def _materials(settings: CellSettings) -> list[Array]:
-    """Materials of the body of all targets that no table describes."""
-    usual, body = settings.material, settings.body
-    if body.materials is not None:
-        found = group_materials("task2.body", body.materials, usual).values()
-    else:
-        own = MODELS[body.shape][1] if body.shape in MODELS else None
-        found = [usual] if own is None else own.values()
-    return [material.as_array() for material in found]
 
 
 def _check_body(place: str, body: BodySpec) -> None:

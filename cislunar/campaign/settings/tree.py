@@ -16,6 +16,7 @@ from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.cells import FIRST
 from cislunar.ephemeris.time_scales import julian_date
 from cislunar.orbits.extent import KeepOut
+from cislunar.orbits.families import FAMILIES
 from cislunar.quantities import date_of
 from cislunar.runtime.settings_fields import (
     Count,
@@ -38,10 +39,6 @@ from cislunar.visibility.counts import VisibilitySettings
 
 # fmt: off
 
-FAMILIES = (
-    *("Butterfly_N", "Butterfly_S", "Dragonfly_N", "Dragonfly_S", "Halo_L1_N", "Halo_L1_S"),
-    *("Halo_L2_N", "Halo_L2_S", "Halo_L3_N", "Halo_L3_S", "Lyap_L1", "Lyap_L2", "Lyap_L3"),
-)
 FIRST_JD = 2_441_317.5
 """1972-01-01, when UTC with leap seconds begins."""
 

@@ -17,8 +17,9 @@ from cislunar.campaign.data.inputs import COMPONENTS, variables
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.ephemeris_forces import EphemerisForces
+from cislunar.dynamics.frames import earth_moon_axes
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
-from cislunar.ephemeris import BODY_COLUMNS, BodyTable, read_table, rotating_frame
+from cislunar.ephemeris import BODY_COLUMNS, BodyTable, read_table
 from cislunar.errors import ConvergenceError
 from cislunar.observation import Scene, make_scene, station_positions, station_tracks
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, refined_path
@@ -173,10 +174,8 @@ def ephemeris_scene(ephemeris: CellEphemeris, tracks: Array, loop: LoopSettings)
     """The scene for positions of observers (observer, time, 3), barycentric frame with J2000
     axes."""
     position, velocity, _ = read_table(ephemeris.table, ephemeris.start + loop.elapsed_s)
-    earth, moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
-    start = rotating_frame(
-        position[0, moon] - position[0, earth], velocity[0, moon] - velocity[0, earth]
-    )
-    primaries = np.stack([position[:, earth], position[:, moon]], axis=1) / LENGTH_UNIT_KM
+    start = earth_moon_axes(position[0], velocity[0])
+    bodies = [position[:, BODY_COLUMNS[name]] for name in ("earth", "moon")]
+    primaries = np.stack(bodies, axis=1) / LENGTH_UNIT_KM
     sun = position[:, BODY_COLUMNS["sun"]] / LENGTH_UNIT_KM
     return make_scene(tracks, sun, loop.step_s, axes=start, primaries=primaries)

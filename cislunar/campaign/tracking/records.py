@@ -14,13 +14,8 @@ from scipy.spatial.transform import Rotation
 from cislunar.attitude.quaternion import compose, normalize
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import direction_errors, icrf_directions
-from cislunar.ephemeris import (
-    BODY_COLUMNS,
-    DEFAULT_KERNEL,
-    read_table,
-    rotating_frame,
-    tabulate_bodies,
-)
+from cislunar.dynamics import earth_moon_axes
+from cislunar.ephemeris import BODY_COLUMNS, DEFAULT_KERNEL, read_table, tabulate_bodies
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
@@ -121,13 +116,10 @@ class FrameOfCell(NamedTuple):
             tdb = self.tdb_s(time_s)
             table = tabulate_bodies(float(tdb.min()), float(tdb.max()), self.kernel)
             position, velocity, _ = read_table(table, tdb)
-            of_earth, of_moon = BODY_COLUMNS["earth"], BODY_COLUMNS["moon"]
-            turn = rotating_frame(
-                position[:, of_moon] - position[:, of_earth],
-                velocity[:, of_moon] - velocity[:, of_earth],
-            )
+            turn = earth_moon_axes(position, velocity)
             earth, moon = (
-                np.einsum("ti,ti->t", turn[:, 0], position[:, each]) for each in (of_earth, of_moon)
+                np.einsum("ti,ti->t", turn[:, 0], position[:, BODY_COLUMNS[name]])
+                for name in ("earth", "moon")
             )
         places = np.zeros((2, np.size(time_s), 3))
         places[0, :, 0], places[1, :, 0] = earth, moon

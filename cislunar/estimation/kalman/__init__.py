@@ -5,7 +5,8 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "attitude_dispersion": ["rotation_differences"],
-    "gaussian_mixture": ["GaussianMixture", "no_mixture", "restart_mixtures", "step_orbit"],
+    "filtered_orbits": ["corrected_orbits", "orbits_of", "with_orbits"],
+    "gaussian_mixture": ["GaussianMixture", "no_mixture", "step_orbit"],
     "mukf": ["MultiplicativeUKF"],
     "mukf_kernels": ["predict", "update"],
     "splitting": ["make_split_work", "use_direction"],

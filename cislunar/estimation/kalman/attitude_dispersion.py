@@ -62,10 +62,9 @@ def rotation_differences(omega, parameters, root, step_s, bodies, j, constants, 
     kinds = constants.rotation_kinds
     side, perturbed = 12 + p, p > 0 and kinds.shape[0] > 0
     v1, v2, v3 = 0.0, 0.0, 0.0
+    fixed = kinds, inertia, inverse, step_s
     if perturbed:
-        t1, t2, t3, t4, v1, v2, v3 = _perturbed_step(
-            o1, o2, o3, parameters, root, 0, 0.0, kinds, inertia, inverse, step_s
-        )
+        t1, t2, t3, t4, v1, v2, v3 = _perturbed_step(o1, o2, o3, parameters, root, 0, 0.0, *fixed)
         turn = (t1, t2, t3, t4)
         omega[0], omega[1], omega[2] = v1, v2, v3
     elif spherical:
@@ -86,17 +85,7 @@ def rotation_differences(omega, parameters, root, step_s, bodies, j, constants, 
             w1, w2, w3 = s * motion[3, i], s * motion[4, i], s * motion[5, i]
             if perturbed:
                 t1, t2, t3, t4, w1, w2, w3 = _perturbed_step(
-                    o1 + w1,
-                    o2 + w2,
-                    o3 + w3,
-                    parameters,
-                    root,
-                    i,
-                    s,
-                    kinds,
-                    inertia,
-                    inverse,
-                    step_s,
+                    o1 + w1, o2 + w2, o3 + w3, parameters, root, i, s, *fixed
                 )
             elif spherical:
                 t1, t2, t3, t4 = rotation_vector_components(

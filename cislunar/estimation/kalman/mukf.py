@@ -16,6 +16,7 @@ Assumptions and limitations
 """
 
 from copy import copy
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,20 +37,15 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.kalman.gaussian_mixture import (
-    GaussianMixture,
-    no_mixture,
-    restart_mixtures,
-)
+from cislunar.estimation.kalman.filtered_orbits import corrected_orbits, orbits_of, with_orbits
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
 from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
-    replaced_roots,
     selected_tracks,
     starting_index,
-    widened_roots,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -224,9 +220,7 @@ class MultiplicativeUKF:
 
     def orbits(self) -> OrbitEstimates:
         """See `Estimator.orbits`."""
-        lower, translation = self._state.root[:, -6:], self._state.translation.copy()
-        translation[self._state.failed != HEALTHY] = np.nan
-        return OrbitEstimates(self._index, translation, lower @ np.swapaxes(lower, 1, 2))
+        return orbits_of(self._index, self._state, self._state.failed)
 
     def advance(
         self,
@@ -246,20 +240,14 @@ class MultiplicativeUKF:
 
     def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
         """See `Estimator.correct`."""
-        # a gap keeps the Gaussian of its begin for a later split
-        single = (self._state.failed == HEALTHY) & (self._mixture.count == 0)
-        single &= self._mixture.since < 0
-        root = widened_roots(self._state.root, covariance, single)
-        translation = self._state.translation + np.where(single[:, None], shift, 0.0)
-        self._state = self._state._replace(root=root, translation=translation)
+        given = self._mixture, self._state.failed, shift, covariance
+        self._state, single = corrected_orbits(self._state, *given)
         return single
 
     def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
         """See `Estimator.replace_orbits`."""
-        root = replaced_roots(self._state.root, covariance, targets)
-        self._state.translation[targets] = translation
-        self._state = self._state._replace(root=root)
-        restart_mixtures(self._mixture, targets)
+        given = self._mixture, targets, translation, covariance
+        self._state = with_orbits(self._state, *given)
 
     def add(
         self,
@@ -304,32 +292,13 @@ def _root_of_motion(root: Array) -> Array:
     return np.swapaxes(sign[:, :, None] * upper, 1, 2)
 
 
-def mukf(
-    *,
-    process_noise: ProcessNoise | None = None,
-    use_magnitude: bool = True,
-    splitting: bool = False,
-    extra_magnitude_noise: float = 0.0,
-    noise_memory: float | None = None,
-    estimated_parameters: BodyParameterPrior | None = None,
-) -> EstimatorFactory:
-    """Factory of the paper's filter for the tasking loop; see `MultiplicativeUKF`."""
+def mukf(**settings: Any) -> EstimatorFactory:
+    """Factory of the paper's filter for the tasking loop; `settings` are arguments of
+    `MultiplicativeUKF`."""
 
     def make(scene, surfaces, sensor, initial, rng, forces):
         del rng  # the filter draws nothing
-        return MultiplicativeUKF(
-            scene,
-            surfaces,
-            sensor,
-            initial,
-            process_noise=process_noise,
-            use_magnitude=use_magnitude,
-            splitting=splitting,
-            extra_magnitude_noise=extra_magnitude_noise,
-            noise_memory=noise_memory,
-            estimated_parameters=estimated_parameters,
-            forces=forces,
-        )
+        return MultiplicativeUKF(scene, surfaces, sensor, initial, forces=forces, **settings)
 
-    make.estimated_parameters = estimated_parameters or BodyParameterPrior()
+    make.estimated_parameters = settings.get("estimated_parameters") or BodyParameterPrior()
     return make

@@ -173,7 +173,7 @@ def _take(mixture, j, count, points, noise, observation, constants, work):
     mean, root = mixture.mean[j, count], mixture.root[j, count]
     copy_into(mean, work.shift)
     copy_into(root, work.covariance)
-    return update_translation(mean, root, *observation, NO_LIMITS, 0.0, weights, work) == ACCEPTED
+    return update_translation(mean, root, observation, NO_LIMITS, 0.0, weights, work) == ACCEPTED
 
 
 @njit_alloc
@@ -284,18 +284,17 @@ def use_direction(
     mixture, j, translation, root, observation, half_field, k, scene, constants, stack
 ):
     """Update target j by one direction at time k; the outcomes are those of `update_translation`.
-    An observation is right ascension and declination, their variances (2,), and the position (3,)
-    and axes (3, 3) of the observer; `half_field` is half the observer's field of view."""
+    `half_field` is half the observer's field of view."""
     work, weights = stack.filter, constants.orbit_weights
     if mixture.count[j] == 0:
         limits, nonlinearity = (half_field, constants.curvature), mixture.nonlinearity[j]
         outcome = update_translation(
-            translation, root, *observation, limits, nonlinearity, weights, work
+            translation, root, observation, limits, nonlinearity, weights, work
         )
         given = observation, k, scene, constants, work
         if outcome == CURVED and not open_if_curved(mixture, j, translation, root, *given):
             outcome = update_translation(
-                translation, root, *observation, NO_LIMITS, 0.0, weights, work
+                translation, root, observation, NO_LIMITS, 0.0, weights, work
             )
         if outcome == ACCEPTED:
             updated(mixture, j)

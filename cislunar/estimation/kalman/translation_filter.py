@@ -70,24 +70,13 @@ def is_curved(even, cross, variance, nonlinearity, limit):
 
 
 @njit_noalloc
-def update_translation(
-    translation,
-    root,
-    right_ascension,
-    declination,
-    variance,
-    observer,
-    axes,
-    limits,
-    nonlinearity,
-    weights,
-    work,
-):
-    """Update one target by one direction: ACCEPTED, OUTSIDE_FIELD, CURVED, or FAILED_UPDATE.
-    `variance` (2,) is that of the two angles, `observer` (3,) its position and `axes` the rotation
-    from the propagation frame to its body frame. `limits` are half the field of view and the limit
-    of `is_curved`. The update fails if it is not finite. Only an accepted direction changes the
-    estimate."""
+def update_translation(translation, root, observation, limits, nonlinearity, weights, work):
+    """Update one target by one direction: ACCEPTED, OUTSIDE_FIELD, CURVED, or FAILED_UPDATE. An
+    observation is right ascension and declination, their variances (2,), and the position (3,) of
+    the observer with the rotation (3, 3) from the propagation frame to its body frame. `limits` are
+    half the field of view and the limit of `is_curved`. The update fails if it is not finite. Only
+    an accepted direction changes the estimate."""
+    right_ascension, declination, variance, observer, axes = observation
     half_field, curvature = limits
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)

@@ -32,7 +32,8 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, restart_mixtures
+from cislunar.estimation.kalman.filtered_orbits import corrected_orbits, orbits_of, with_orbits
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture
 from cislunar.estimation.kalman.translation_filter import SIZE
 from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
 from cislunar.estimation.light_curves.batch_kernels import (
@@ -57,10 +58,8 @@ from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
-    replaced_roots,
     selected_tracks,
     starting_index,
-    widened_roots,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -211,12 +210,6 @@ class BatchEstimator:
             for j, each in enumerate(self._tracks.selections)
         ]
 
-    @property
-    def light_curve_rows(self) -> NDArray[np.int64]:
-        """Per target, number of rows (measurements and non-detections) of its light curve that are
-        kept."""
-        return self._tracks.fit.rows.copy()
-
     def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
         """Rows of target j that are kept (n, ROW_COLUMNS), see
         `cislunar.estimation.light_curves.light_curve.cost`, with times since its initial estimate;
@@ -251,11 +244,7 @@ class BatchEstimator:
 
     def orbits(self) -> OrbitEstimates:
         """See `Estimator.orbits`."""
-        tracks = self._tracks
-        translation = tracks.translation.copy()
-        translation[tracks.fit.condition != HEALTHY] = np.nan
-        covariance = tracks.root @ np.swapaxes(tracks.root, 1, 2)
-        return OrbitEstimates(self._index, translation, covariance)
+        return orbits_of(self._index, self._tracks, self._tracks.fit.condition)
 
     def advance(
         self,
@@ -274,11 +263,13 @@ class BatchEstimator:
 
         def work(start: int, stop: int) -> None:
             for j in range(start, stop):
+                own = (
+                    tracks.translation[j], tracks.root[j], tracks.counters[j],
+                    tracks.hypotheses[j], tracks.points[j], tracks.data[j], tracks.rngs[j],
+                )  # fmt: skip
                 advance_target(
                     j, self._index + 1, self._scene, self._constants, tracks.models[j],
-                    measurements, tracks.mixture, tracks.translation, tracks.root,
-                    tracks.hypotheses[j], tracks.points[j], tracks.data[j], tracks.fit,
-                    tracks.counters, tracks.rngs[j], out, self._open if final else 0,
+                    measurements, tracks.mixture, own, tracks.fit, out, self._open if final else 0,
                 )  # fmt: skip
 
         n_steps = measurements.offset.shape[1] - 1
@@ -293,21 +284,14 @@ class BatchEstimator:
 
     def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
         """See `Estimator.correct`."""
-        tracks = self._tracks
-        # a gap keeps the Gaussian of its begin for a later split
-        single = (tracks.fit.condition == HEALTHY) & (tracks.mixture.count == 0)
-        single &= tracks.mixture.since < 0
-        root = widened_roots(tracks.root, covariance, single)
-        translation = tracks.translation + np.where(single[:, None], shift, 0.0)
-        self._tracks = tracks._replace(root=root, translation=translation)
+        given = self._tracks.mixture, self._tracks.fit.condition, shift, covariance
+        self._tracks, single = corrected_orbits(self._tracks, *given)
         return single
 
     def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
         """See `Estimator.replace_orbits`."""
-        tracks = self._tracks
-        tracks.translation[targets] = translation
-        self._tracks = tracks._replace(root=replaced_roots(tracks.root, covariance, targets))
-        restart_mixtures(tracks.mixture, targets)
+        given = self._tracks.mixture, targets, translation, covariance
+        self._tracks = with_orbits(self._tracks, *given)
 
     def _select_models(self, out: Estimates) -> None:
         """Choose models of the bodies for the light curves at a tasking epoch, and report their

@@ -85,15 +85,7 @@ class FitState(NamedTuple):
 def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun, to_inertial):
     """Write one row of a light curve, with the geometry of the estimated position. The magnitude of
     a non-detection is the limit."""
-    light, view, distance, _ = lit_directions(
-        translation[0] - observer[0],
-        translation[1] - observer[1],
-        translation[2] - observer[2],
-        sun[0] - translation[0],
-        sun[1] - translation[1],
-        sun[2] - translation[2],
-        to_inertial,
-    )
+    light, view, distance, _ = lit_directions(translation, observer, sun, to_inertial)
     row[TIME], row[MAGNITUDE], row[SEEN], row[WEIGHT] = elapsed, magnitude, seen, weight
     to_light, to_observer = row[SUN], row[VIEW]
     to_light[0], to_light[1], to_light[2] = light
@@ -226,33 +218,14 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_target(
-    j,
-    first,
-    scene,
-    constants,
-    model,
-    records,
-    mixture,
-    translation,
-    root,
-    hypotheses,
-    points,
-    data,
-    state,
-    counters,
-    rng,
-    out,
-    closed,
-):
-    """Process an interval that begins at time `first` for target j. `model`, `hypotheses`,
-    `points`, `data` and `rng` are those of the target, the other arrays those of all targets.
-    `closed` is the number of steps since the last tasking epoch if the interval ends at the next
-    one, else 0."""
-    room = points[2].shape[0]
+def advance_target(j, first, scene, constants, model, records, mixture, own, state, out, closed):
+    """Process an interval that begins at time `first` for target j. `model` is that of the target,
+    `own` are its translation, root, counters, hypotheses, points, rows and generator; the other
+    arrays are those of all targets. `closed` is the number of steps since the last tasking epoch if
+    the interval ends at the next one, else 0."""
+    room = own[4][2].shape[0]  # of the mixture's points
     differences, bodies = np.empty((room, ROTATION)), make_bodies(room, model)
     scratch = make_split_work(mixture.weight.shape[1]), differences, bodies
-    own = translation[j], root[j], counters[j], hypotheses, points, data, rng
     _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed)
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.estimation.estimator import Estimates, Estimator, InitialEstimate
+from cislunar.estimation.estimator import Estimates, Estimator
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverEstimates, ManeuverTest
 from cislunar.estimation.wrapped_estimator import WrappedEstimator
 from cislunar.observation.records import Measurements
-from cislunar.observation.target_surfaces import TargetSurfaces
 
 
 class MonitoredEstimator(WrappedEstimator):
@@ -60,18 +59,9 @@ class MonitoredEstimator(WrappedEstimator):
         found, self._largest = self._largest, None
         return self._test.nothing() if found is None else found
 
-    def add(
-        self,
-        initial: InitialEstimate,
-        surfaces: TargetSurfaces,
-        rng: np.random.Generator | None = None,
-        *,
-        index: int | None = None,
-        forces: tuple | None = None,
-    ) -> None:
-        """See `Estimator.add`."""
-        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
-        self._test.add(initial.translation.shape[0], forces)
+    def _added(self, n_new: int, forces: tuple | None) -> None:
+        """See `WrappedEstimator`."""
+        self._test.add(n_new, forces)
         self._largest = None
 
     def remove(self, targets: ArrayLike) -> None:

@@ -13,7 +13,6 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     Estimates,
     Estimator,
-    InitialEstimate,
     OrbitEstimates,
     Prediction,
 )
@@ -30,7 +29,6 @@ from cislunar.estimation.maneuvers.search import ReachableSearch
 from cislunar.estimation.track_arrays import remaining_tracks
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
-from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime import Array, Indices
 
 _BEFORE_HOURS = 6.0
@@ -298,17 +296,9 @@ class RecoveringEstimator(MonitoredEstimator):
         while len(self._spans) > 1 and self._spans[1].orbits.index <= kept:
             del self._spans[0]
 
-    def add(
-        self,
-        initial: InitialEstimate,
-        surfaces: TargetSurfaces,
-        rng: np.random.Generator | None = None,
-        *,
-        index: int | None = None,
-        forces: tuple | None = None,
-    ) -> None:
-        """See `Estimator.add`. Recoveries begin anew with the next alarm."""
-        super().add(initial, surfaces, rng, index=index, forces=forces)
+    def _added(self, n_new: int, forces: tuple | None) -> None:
+        """See `WrappedEstimator`. Recoveries begin anew with the next alarm."""
+        super()._added(n_new, forces)
         scene, known, process = self._model
         self._begin_anew((scene, known if forces is None else forces, process))
 

@@ -51,7 +51,6 @@ from cislunar.estimation.estimator import (
     HEALTHY,
     Estimates,
     Estimator,
-    InitialEstimate,
     OrbitEstimates,
     Prediction,
 )
@@ -70,7 +69,6 @@ from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
 from cislunar.estimation.wrapped_estimator import WrappedEstimator
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
-from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime import Array
 from cislunar.runtime.threads import share_out, single_threaded_algebra
 
@@ -333,19 +331,9 @@ class NavigatedEstimator(WrappedEstimator):
             "orbits cannot be replaced where errors of observers are treated; choose one of both"
         )
 
-    def add(
-        self,
-        initial: InitialEstimate,
-        surfaces: TargetSurfaces,
-        rng: np.random.Generator | None = None,
-        *,
-        index: int | None = None,
-        forces: tuple | None = None,
-    ) -> None:
-        """See `Estimator.add`. The estimates of new tracks are independent of the errors."""
-        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
+    def _added(self, n_new: int, forces: tuple | None) -> None:
+        """See `WrappedEstimator`. The estimates of new tracks are independent of the errors."""
         self._forces = self._forces if forces is None else forces
-        n_new = initial.translation.shape[0]
         for name in ("_sensitivity", "_shift", "_spread"):
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.zeros((n_new, *old.shape[1:]))]))

@@ -45,8 +45,6 @@ class Attributables(NamedTuple):
         Unit vectors along right ascension and declination.
     covariance : ndarray, shape (tracklet, 4, 4)
         Covariance of direction and rate along the basis, rad and nondimensional time.
-    magnitude, magnitude_sigma : ndarray, shape (tracklet,)
-        Weighted mean and its standard deviation, mag; NaN if unknown.
     chi_squared : ndarray, shape (tracklet,)
         Squared residuals of the polynomials in variances.
     detections : tuple of ndarray of int
@@ -61,8 +59,6 @@ class Attributables(NamedTuple):
     rate: Array
     basis: Array
     covariance: Array
-    magnitude: Array
-    magnitude_sigma: Array
     chi_squared: Array
     detections: tuple[Indices, ...]
 
@@ -115,7 +111,7 @@ def attributables(
     before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}
     at = np.array([before.get(rows.tobytes(), -1) for rows in sets], dtype=np.int64)
     size = np.array([rows.size for rows in sets], dtype=np.int64)
-    shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), (), (), ())
+    shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), ())
     columns = [
         np.empty((len(sets), *shape), dtype=np.int64 if c == 1 else float)
         for c, shape in enumerate(shapes)
@@ -196,13 +192,7 @@ def _of_equal_size(angles: Angles, rows: Indices, rate: float, degree: int | Non
     turn = basis @ tangents.swapaxes(1, 2) / length[:, None]
     change = np.zeros_like(covariance)
     change[:, :2, :2] = change[:, 2:, 2:] = turn
-    bright, magnitude = angles.magnitude_variance[rows], angles.magnitude[rows]
-    known = np.isfinite(bright) & np.isfinite(magnitude)
-    share = np.where(known, 1.0 / np.where(known, bright, 1.0), 0.0)
-    total = share.sum(axis=1)
-    total[total == 0.0] = np.nan
     return (
         middle, owners[:, 0], position, velocity, unit, motion, basis,
-        change @ covariance @ change.swapaxes(1, 2),
-        np.sum(share * np.where(known, magnitude, 0.0), axis=1) / total, total**-0.5, chi_squared,
+        change @ covariance @ change.swapaxes(1, 2), chi_squared,
     )  # fmt: skip

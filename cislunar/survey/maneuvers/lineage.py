@@ -30,9 +30,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.special import logsumexp
 
+from cislunar.association import best_pairs
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
 from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
@@ -229,13 +229,9 @@ def _assigned(ratio: dict[tuple[int, int], float]) -> list[tuple[int, int]]:
     """Pairs with the largest sum of positive logarithms, in the order of the later orbits."""
     if not ratio:
         return []
-    rows, columns = (sorted({pair[side] for pair in ratio}) for side in (0, 1))
-    worth = np.zeros((len(rows), len(columns)))
-    for (a, b), value in ratio.items():
-        worth[rows.index(a), columns.index(b)] = max(value, 0.0)
-    taken = linear_sum_assignment(worth, maximize=True)
-    pairs = [(rows[i], columns[j]) for i, j in zip(*taken, strict=True) if worth[i, j] > 0.0]
-    return sorted(pairs, key=lambda pair: pair[1])
+    pairs = list(ratio)
+    taken = best_pairs(*np.array(pairs).T, np.maximum(list(ratio.values()), 0.0))
+    return sorted((pairs[k] for k in taken.tolist()), key=lambda pair: pair[1])
 
 
 def _encounters(paths: OrbitPaths, a: int, b: int, begin: float, end: float) -> Indices:

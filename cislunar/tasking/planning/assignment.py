@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
 from cislunar.runtime import Array
-from cislunar.runtime.arguments import array_of, require_choice
+from cislunar.runtime.arguments import array_of, count_of, require_choice
 
 INFORMATION_DECIMALS = 9
 """Decimals of the information, nats, by which taskings are compared."""
@@ -97,9 +97,7 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         If the information is no matrix, or `target` does not have a target, or `IDLE`, for each
         observer.
     """
-    matrix, chosen = array_of("information", information), np.asarray(target)
-    if matrix.ndim != 2:
-        raise ConfigurationError(f"information has shape {matrix.shape}; give (observer, target)")
+    matrix, chosen = array_of("information", information, (None, None)), np.asarray(target)
     least, most = min(IDLE, 0), matrix.shape[1] - 1
     if chosen.shape != matrix.shape[:1] or np.any((chosen < least) | (chosen > most)):
         raise ConfigurationError(
@@ -231,19 +229,13 @@ def assign(
         If the information is no matrix of finite numbers, the method is unknown, or a method that
         searches has no `rng` or a number of taskings below 1.
     """
-    matrix = np.asarray(information, dtype=float)
-    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
-        raise ConfigurationError(
-            f"information of shape {matrix.shape} must be a matrix of finite numbers"
-        )
-    matrix = np.round(matrix, INFORMATION_DECIMALS)
+    matrix = np.round(array_of("information", information, (None, None)), INFORMATION_DECIMALS)
     require_choice("method", method, METHODS)
     if method in _DIRECT:
         target, history = _DIRECT[method](matrix), None
     else:
-        for key, value in (("max_evaluations", max_evaluations), ("early_stop", early_stop)):
-            if value < 1:
-                raise ConfigurationError(f"{key} = {value} must be at least 1")
+        count_of("max_evaluations", max_evaluations)
+        count_of("early_stop", early_stop)
         if rng is None:
             raise ConfigurationError(f"method = {method!r} needs a random generator: give rng")
         target, history = _SEARCHES[method](matrix, rng, max_evaluations, early_stop)

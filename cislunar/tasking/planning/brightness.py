@@ -209,20 +209,12 @@ def _facet_magnitudes(index, place, quaternion, selected, scene, surfaces, out):
         k = index[i]
         sun, to_inertial = scene.sun_position[k], scene.frame_axes[k]
         for j in range(place.shape[1]):
-            x, y, z = place[i, j, 0], place[i, j, 1], place[i, j, 2]
             count = 0
             for o in range(n_observers):
                 if not selected[i, o, j]:
                     continue
-                light, view, distance, _ = lit_directions(
-                    x - scene.observer_position[o, k, 0],
-                    y - scene.observer_position[o, k, 1],
-                    z - scene.observer_position[o, k, 2],
-                    sun[0] - x,
-                    sun[1] - y,
-                    sun[2] - z,
-                    to_inertial,
-                )
+                seen_from = scene.observer_position[o, k]
+                light, view, distance, _ = lit_directions(place[i, j], seen_from, sun, to_inertial)
                 for p in range(n_points):
                     for c in range(4):
                         block[QUATERNION + c, count] = quaternion[i, j, p, c]

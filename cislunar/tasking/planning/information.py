@@ -34,7 +34,7 @@ from cislunar.observation.sightline import METERS, in_clear_view, sphere_brighte
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime.arguments import Array, require_choice
+from cislunar.runtime.arguments import Array, count_of, require_choice
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information_bound import bound_all
 
@@ -81,8 +81,7 @@ class TaskingModel:
 
     def __post_init__(self) -> None:
         require_choice("states", self.states, STATES)
-        if self.measurements < 1:
-            raise ConfigurationError(f"measurements = {self.measurements} must be at least 1")
+        count_of("measurements", self.measurements)
         self.faintness(18.0)
 
     def faintness(self, limiting_magnitude: float) -> float:

@@ -118,7 +118,7 @@ def value_of_observations(factor, share, detection_probabilities, j, observation
 
 
 @njit_noalloc
-def _observations_of(target, but, j, observations):
+def observations_of(target, but, j, observations):
     """Slots and observers at target j except in the slot `but`; their number."""
     count = 0
     for s in range(target.shape[0]):
@@ -138,7 +138,7 @@ def _column_values(factor, share, detection_probabilities, target, slot, columns
     for c in range(columns.size):
         j = columns[c]
         if j != last:
-            last, count = j, _observations_of(target, slot, j, observations)
+            last, count = j, observations_of(target, slot, j, observations)
             without = value_of_observations(
                 factor, share, detection_probabilities, j, observations, count
             )
@@ -158,7 +158,7 @@ def _total(factor, share, detection_probabilities, target):
     """Value of a schedule."""
     observations, total = np.empty((target.size, 2), np.int64), 0.0
     for j in range(factor.shape[2]):
-        count = _observations_of(target, -1, j, observations)
+        count = observations_of(target, -1, j, observations)
         if count > 0:
             total += value_of_observations(
                 factor, share, detection_probabilities, j, observations, count
@@ -168,10 +168,7 @@ def _total(factor, share, detection_probabilities, target):
 
 @dataclass(frozen=True)
 class _SlotSchedule:
-    """A schedule: `target` (slot, observer), or `IDLE`; `value`, the sum of F_j, nats;
-    `information` of the observations to be carried out if all detect their targets, nats;
-    `evaluations`, the assignments and set packings solved; `gap`, the largest relative gap of the
-    set packings, 0 for assignments."""
+    """Result of `plan_schedule`."""
 
     target: Chosen
     value: float

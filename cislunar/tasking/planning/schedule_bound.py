@@ -19,7 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.compiled import njit
-from cislunar.tasking.planning.schedule import DetectionProbabilities, value_of_observations
+from cislunar.tasking.planning.schedule import (
+    DetectionProbabilities,
+    observations_of,
+    value_of_observations,
+)
 from cislunar.tasking.planning.slot_observations import SlotObservations
 
 _MOST_CANDIDATES = 12
@@ -95,12 +99,7 @@ def _marginal_values(factor, share, detection_probabilities, target, price):
     observations, some = np.empty((target.size, 2), np.int64), np.empty((target.size, 2), np.int64)
     price[:, :] = 0.0
     for j in range(factor.shape[2]):
-        count = 0
-        for s in range(target.shape[0]):
-            for o in range(target.shape[1]):
-                if target[s, o] == j:
-                    observations[count, 0], observations[count, 1] = s, o
-                    count += 1
+        count = observations_of(target, -1, j, observations)
         if count == 0:
             continue
         whole = value_of_observations(
