@@ -1,12 +1,10 @@
 """Finds results that are damaged although Snakemake considers them complete.
 
 Snakemake judges a result by its date alone and does not notice a file that was truncated by hand,
-by a copy or by a faulty disk. ``python -m cislunar.campaign.verify results`` reads every result to
-its end and lists those that cannot be used; with ``--delete`` it removes them.
+by a copy or by a faulty disk. ``cislunar verify`` reads every result to its end and lists those
+that cannot be used; with ``--delete`` it removes them.
 """
 
-import argparse
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -79,29 +77,36 @@ def _leftovers(folder: str | Path) -> list[Path]:
     return sorted(path for path in found if now - path.stat().st_mtime > _WRITING_S)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command: returns 0 if every result can be used, 1 if not, 2 without such a folder."""
-    parser = argparse.ArgumentParser(
-        prog="python -m cislunar.campaign.verify", description=__doc__.splitlines()[0]
-    )
-    parser.add_argument("folder", nargs="?", default="results", help="results folder")
-    parser.add_argument("--delete", action="store_true", help="remove what is damaged")
-    chosen = parser.parse_args(arguments)
-    try:
-        damaged = list(damaged_results(chosen.folder))
-    except InputFileError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+def check_results(folder: str | Path, *, delete: bool = False) -> bool:
+    """Print which results cannot be used and what killed jobs have left.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Results folder of a campaign.
+    delete : bool
+        Whether these files are deleted.
+
+    Returns
+    -------
+    bool
+        Whether every result can be used.
+
+    Raises
+    ------
+    InputFileError
+        See `damaged_results`.
+    """
+    damaged, remains = list(damaged_results(folder)), _leftovers(folder)
     for path, reason in damaged:
         print(f"{path}: {reason}")
-    remains = _leftovers(chosen.folder)
     for path in remains:
         print(f"{path}: left by a job that was killed while it wrote")
-    if chosen.delete:
+    if delete:
         for path in [*(path for path, _ in damaged), *remains]:
             path.unlink(missing_ok=True)
-    print(_summary(damaged, chosen.delete))
-    return 1 if damaged else 0
+    print(_summary(damaged, delete))
+    return not damaged
 
 
 def _summary(damaged: list[tuple[Path, str]], deleted: bool) -> str:
@@ -112,7 +117,3 @@ def _summary(damaged: list[tuple[Path, str]], deleted: bool) -> str:
         options = "with --configfile or --config as before"
         return f"removed; make anew, {options}: snakemake --cores 2 -- {names}"
     return "damaged; remove them with --delete, then make them anew with snakemake"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -210,9 +210,9 @@ def verify(folder: str, delete: bool) -> int:
     Example:
       cislunar verify results/quick
     """
-    from cislunar.campaign import verify
+    from cislunar.campaign import check_results
 
-    return verify.main([folder, *(["--delete"] if delete else [])])
+    return int(not check_results(folder, delete=delete))
 
 
 @click.group(cls=Group)

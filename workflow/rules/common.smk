@@ -233,13 +233,12 @@ def optimizers_of(scenario):
     return [o for o in OPTIMIZERS if o != "published" or scenario in PUBLISHED]
 
 
-def architecture_files(pattern):
-    """Every architecture of every scenario."""
-    return [
-        results(pattern.format(scenario=scenario, optimizer=optimizer))
-        for scenario in SCENARIOS
-        for optimizer in optimizers_of(scenario)
-    ]
+ARCHITECTURE_FILES = [
+    results(f"architecture/{scenario}/{optimizer}.nc")
+    for scenario in SCENARIOS
+    for optimizer in optimizers_of(scenario)
+]
+"""Every architecture of every scenario."""
 
 
 def cell_of(wildcards):

@@ -84,7 +84,7 @@ use rule tpe_orbits_figure as exact_orbits_figure with:
 rule satellite_front_figure:
     input:
         fronts=expand(results("architecture/{scenario}/front.nc"), scenario=SCENARIOS),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=ARCHITECTURE_FILES,
         coverage=rules.architecture_table.output.architecture,
     output:
         **figure_files("fig10_satellite_front", "satellite_front"),
@@ -127,7 +127,7 @@ rule convergence_figure:
             labels=ARCHITECTURE["labels"],
             run=RUNS,
         ),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=ARCHITECTURE_FILES,
     output:
         **figure_files("fig11_convergence", "convergence"),
     log:
@@ -160,7 +160,7 @@ rule orbits_page:
         orbits=rules.families.output[0],
         tracked=shared("orbits/tracked", SCENARIOS[0]),
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=ARCHITECTURE_FILES,
     output:
         report(
             results("figures/orbits_3d.html"),

@@ -10,7 +10,7 @@ rule architecture_table:
         orbits=rules.families.output[0],
         suns=[sky(scenario) for scenario in SCENARIOS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=ARCHITECTURE_FILES,
     output:
         architecture=table_file("architecture"),
         near_optimal=table_file("near_optimal"),
@@ -116,9 +116,9 @@ use rule result as generalization_table with:
         "Evaluating the generalization of architectures to other targets (scenario {wildcards.scenario})"
 
 
-rule label_comparison:
+use rule result as label_comparison with:
     input:
-        expand(
+        runs=expand(
             results("architecture/{scenario}/runs/tpe_{labels}_{run}.nc"),
             scenario=LABELLED,
             labels=[ARCHITECTURE["labels"], *ARCHITECTURE["label_comparison"]["labels"]],
@@ -128,12 +128,11 @@ rule label_comparison:
         table_file("label_comparison"),
     log:
         log_of("tables/label_comparison"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        function="campaign.architectures.label_rows",
+        scenario=LABELLED,
     message:
         "Comparing the labels of orbits for TPE"
-    script:
-        "../scripts/label_comparison.py"
 
 
 use rule result as readings with:
@@ -169,7 +168,7 @@ rule architecture_claims:
     input:
         orbits=rules.families.output[0],
         points=rules.zvs_points.output[0],
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=ARCHITECTURE_FILES,
     output:
         results("tables/claims_architecture.csv"),
     log:

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "moving": ["MovingTargets"],
     "objectives": ["ArchitectureInputs", "check_orbit_slots"],
     "objectives_table": ["front_architectures", "objective_row", "single_architecture"],
-    "search_runs": ["best_run_dataset", "search_run_dataset"],
+    "search_runs": ["best_run_dataset", "label_rows", "search_run_dataset"],
     "table2": ["architecture_rows", "near_optimal_rows"],
     "variables": ["phases_of"],
     "visibility": ["architecture_coverage", "cost_function", "visibility_dataset"],

@@ -1,8 +1,10 @@
 """Data sets of sampling searches: one run, and the best of several."""
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
@@ -73,6 +75,19 @@ def search_run_dataset(
             visibility, f"Scenario {scenario}, {method} search", settings, seed
         ),
     )  # fmt: skip
+
+
+def label_rows(runs: Sequence[xr.Dataset], scenario: str) -> pd.DataFrame:
+    """Rows of ``tables/label_comparison.csv``: J of TPE by the labels of the orbits."""
+    settings = [json.loads(run.attrs["settings"]) for run in runs]
+    return pd.DataFrame({
+        "scenario": scenario,
+        "labels": [each["labels"] for each in settings],
+        "run": [each["run"] for each in settings],
+        "J": [float(run["J"]) for run in runs],
+        "satellites": [int(run["satellites"].sum()) for run in runs],
+        "evaluations": [run.sizes["evaluation"] for run in runs],
+    })  # fmt: skip
 
 
 def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
