@@ -193,10 +193,10 @@ def test_fronts_have_every_number_of_satellites_and_are_drawn(inputs, settings):
     cell |= {"estimator": ["mukf", "mukf", "batch"], "scenario": "A", "interval_minutes": 60}
     cell |= {"architecture": ["mine", "tpe", "tpe"], "mean": [3.0, 30.0, 1.0]}
     both = [pd.DataFrame(cell | {"unit": unit}) for unit in ("1", "km")]
-    errors = tracking_errors(pd.concat(both))
-    assert errors.to_dict() == {("A", "mine"): 3.0, ("A", "tpe"): 30.0}
+    tracking = pd.concat(both)
+    assert tracking_errors(tracking).to_dict() == {("A", "mine"): 3.0, ("A", "tpe"): 30.0}
     tables = {"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)}
-    figure = objectives_figure(tables, errors)
+    figure = objectives_figure(tables, tracking)
     # the last one is the color bar of the errors
     assert len(figure.axes) - 1 == 6 == len(objectives_figure(tables).axes)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]

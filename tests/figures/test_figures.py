@@ -133,13 +133,13 @@ def figures(orbits, targets, searched):
     return {
         "library": orbit_library_figure(orbits, targets),
         "facet": facet_geometry_figure(),
-        "orbits": selected_orbits_figure(orbits, chosen, dict.fromkeys(chosen, 30)),
+        "orbits": selected_orbits_figure(orbits, chosen, dict.fromkeys(chosen, targets)),
         "front": satellite_front_figure(fronts, architectures, coverage),
         "convergence": convergence_figure(runs, architectures),
         "map": family_map_figure(orbits),
         "front of one": satellite_front_figure(only(fronts), only(architectures), coverage),
         "convergence of one": convergence_figure(only(runs), only(architectures)),
-        "orbits of one": selected_orbits_figure(orbits, only(chosen), {"Extra": 30}),
+        "orbits of one": selected_orbits_figure(orbits, only(chosen), {"Extra": targets}),
     }
 
 

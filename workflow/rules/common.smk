@@ -233,11 +233,8 @@ def optimizers_of(scenario):
     return [o for o in OPTIMIZERS if o != "published" or scenario in PUBLISHED]
 
 
-ARCHITECTURE_FILES = [
-    results(f"architecture/{scenario}/{optimizer}.nc")
-    for scenario in SCENARIOS
-    for optimizer in optimizers_of(scenario)
-]
+ARCHITECTURES = [(scenario, name) for scenario in SCENARIOS for name in optimizers_of(scenario)]
+ARCHITECTURE_FILES = [results(f"architecture/{place}/{name}.nc") for place, name in ARCHITECTURES]
 """Every architecture of every scenario."""
 
 

@@ -33,7 +33,7 @@ use rule facet_geometry_figure as orbit_library_figure with:
         "Drawing the orbit library with its targets"
 
 
-rule tpe_orbits_figure:
+use rule facet_geometry_figure as tpe_orbits_figure with:
     input:
         orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
@@ -43,14 +43,11 @@ rule tpe_orbits_figure:
     log:
         log_of("figures/tpe_orbits"),
         times=benchmark_of("tpe_orbits_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        scenarios=SCENARIOS,
+        function="figures.space.selected_orbits_figure",
+        labeled={"architectures": SCENARIOS, "targets": SCENARIOS},
     message:
         "Drawing the orbits chosen by TPE"
-    script:
-        "../scripts/figure_selected_orbits.py"
 
 
 use rule tpe_orbits_figure as random_orbits_figure with:
@@ -81,7 +78,7 @@ use rule tpe_orbits_figure as exact_orbits_figure with:
         "Drawing the orbits of the best architectures known"
 
 
-rule satellite_front_figure:
+use rule facet_geometry_figure as satellite_front_figure with:
     input:
         fronts=expand(results("architecture/{scenario}/front.nc"), scenario=SCENARIOS),
         architectures=ARCHITECTURE_FILES,
@@ -91,31 +88,27 @@ rule satellite_front_figure:
     log:
         log_of("figures/satellite_front"),
         times=benchmark_of("satellite_front_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        function="figures.search.satellite_front_figure",
+        labeled={"fronts": SCENARIOS, "architectures": ARCHITECTURES},
     message:
         "Drawing J and coverage by number of satellites"
-    script:
-        "../scripts/figure_satellite_front.py"
 
 
-rule objectives_figure:
+use rule facet_geometry_figure as objectives_figure with:
     input:
         tables=expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
-        tracking=[rules.tracking_tables.output.tracking] if CELLS else [],
+        tracking=rules.tracking_tables.output.tracking if CELLS else [],
     output:
         **figure_files("objectives", "objectives"),
     log:
         log_of("figures/objectives"),
         times=benchmark_of("objectives_figure"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        scenarios=JUDGED,
+        function="figures.search.objectives_figure",
+        labeled={"tables": JUDGED},
     message:
         "Drawing the fronts by objective"
-    script:
-        "../scripts/figure_objectives.py"
 
 
 rule convergence_figure:
@@ -155,7 +148,7 @@ use rule facet_geometry_figure as family_map_figure with:
         "Drawing the map of the family members"
 
 
-rule orbits_page:
+use rule facet_geometry_figure as orbits_page with:
     input:
         orbits=rules.families.output[0],
         tracked=shared("orbits/tracked", SCENARIOS[0]),
@@ -170,14 +163,11 @@ rule orbits_page:
     log:
         log_of("figures/orbits_page"),
         times=benchmark_of("orbits_page"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        scenarios=SCENARIOS,
+        function="figures.space.orbits_page.orbits_page",
+        labeled={"targets": SCENARIOS, "architectures": ARCHITECTURES},
     message:
         "Writing the interactive page of orbits"
-    script:
-        "../scripts/figure_orbits_page.py"
 
 
 OF_CANDIDATES = [

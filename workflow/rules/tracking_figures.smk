@@ -57,23 +57,19 @@ rule target_counts_figure:
         "../scripts/figure_heat_maps.py"
 
 
-rule selected_targets_figure:
+use rule result as selected_targets_figure with:
     input:
-        lambda wildcards: [results(cell.path) for cell in SELECTED_CELL[wildcards.of]],
+        data=lambda wildcards: results(SELECTED_CELL[wildcards.of][0].path),
     output:
         **figure_files("fig06_selected_targets{of}", "selected_targets"),
     log:
         log_of("figures/selected_targets{of}"),
         times=benchmark_of("selected_targets_figure/figure{of}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
-        errors="norms",
+        function="figures.tracking.selected_targets_figure",
+        cell=lambda wildcards: tuple(SELECTED_CELL[wildcards.of][0]),
     message:
         "Drawing the error norms of a few targets"
-    script:
-        "../scripts/figure_selected_targets.py"
 
 
 use rule selected_targets_figure as components_figure with:
@@ -83,7 +79,7 @@ use rule selected_targets_figure as components_figure with:
         log_of("figures/components{of}"),
         times=benchmark_of("components_figure/figure{of}"),
     params:
-        errors="components",
+        function="figures.tracking.components_figure",
     message:
         "Drawing the errors of a few targets by component"
 

@@ -91,20 +91,20 @@ def tracking_errors(tracking: pd.DataFrame) -> pd.Series:
 
 @style.house_style()
 def objectives_figure(
-    tables: Mapping[str, pd.DataFrame], errors: pd.Series | None = None
+    tables: Mapping[str, pd.DataFrame], tracking: pd.DataFrame | None = None
 ) -> Figure:
     """Draw the fronts of every scenario with their bounds, and all architectures in one plane.
 
     There is a row of panels for each table ``tables/objectives_{scenario}.csv``, without panels for
-    objectives that have no front. Architectures are colored by their tracking errors if `errors`
-    of `tracking_errors` are given.
+    objectives that have no front. Architectures are colored by their tracking errors if
+    ``tables/tracking.csv`` is given.
     """
     whole = pd.concat([table.assign(shown=name) for name, table in tables.items()])
     texts = {key: whole[key].astype(object).fillna("") for key in ("front", "method")}
     # a table of shares only is read with units that are numbers
     units = whole["unit"].astype(str).str.removesuffix(".0")
     whole = whole.assign(**texts, unit=units)
-    errors = pd.Series(dtype=float) if errors is None else errors
+    errors = pd.Series(dtype=float) if tracking is None else tracking_errors(tracking)
     at = pd.MultiIndex.from_frame(whole[["shown", "architecture"]])
     whole["error"] = errors.reindex(at).to_numpy() if len(errors) else np.nan
     fronts = _fronts_of(whole)

@@ -28,14 +28,14 @@ def power_of_ten(value: float) -> str:
 
 @style.house_style()
 def selected_orbits_figure(
-    orbits: xr.Dataset, architectures: Mapping[str, xr.Dataset], targets: Mapping[str, int]
+    orbits: xr.Dataset, architectures: Mapping[str, xr.Dataset], targets: Mapping[str, xr.Dataset]
 ) -> Figure:
     """Draw the orbits of the architectures of one optimizer, with their satellites at the epoch.
 
     A row for each scenario shows the Earth-Moon system, the orbits around the Moon together, and a
     tile for each orbit with its number, family, satellites and period. The data are
-    ``orbits/families.nc`` and ``architecture/{scenario}/{optimizer}.nc`` by scenario; `targets` is
-    the number of static targets of each scenario.
+    ``orbits/families.nc``, and ``architecture/{scenario}/{optimizer}.nc`` and
+    ``targets/static_{scenario}.nc`` by scenario.
     """
     mu, unit = float(orbits.attrs["mu"]), float(orbits.attrs["length_unit_km"])
     scenes = {scenario: _scene(orbits, each) for scenario, each in architectures.items()}
@@ -46,7 +46,7 @@ def selected_orbits_figure(
     for row, (scenario, named) in enumerate(scenes.items()):
         drawn = list(named.values())
         foot = _FOOT_IN + (len(scenes) - 1 - row) * row_in
-        title = _title(scenario, architectures[scenario], targets[scenario])
+        title = _title(scenario, architectures[scenario], targets[scenario].sizes["target"])
         above = (0.015, (foot + row_in - 0.06) / height)
         figure.text(*above, f"{style.panel_letter(row)} {title}", fontsize=8.5, va="top")
         close = [each for each in drawn if earth_moon.stays_around_moon(each.curve, mu)]
