@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.evaluation.intervals import Interval, log_interval
+from cislunar.evaluation.intervals import Interval, log_interval, t_interval
 from cislunar.figures.labels import ARCHITECTURES, ESTIMATORS
 from cislunar.runtime.netcdf import read_dataset
 
@@ -27,13 +27,6 @@ _COMPARED_WITH = {
     43: ("C", "published"),
 }
 """Scenario and architecture that others with as many satellites are compared with."""
-
-_DAYS = {
-    "A": ("", "day10", "day20"),
-    "B": ("", "day10-b", "day20-b"),
-    "C": ("", "day10-c", "day20-c"),
-}
-"""Variants of the three days."""
 
 _UNITS = {
     "information": "orbit information (nat)",
@@ -62,15 +55,16 @@ def study_table(results: str | Path) -> pd.DataFrame:
 
 def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
     """Of each architecture: means over days and realizations, and ratios to those compared with;
-    intervals are those of the means of the days."""
+    intervals are those of the means of the days, each of which is a variant."""
     keys = ("scenario", "architecture", "estimator", "variant")
     place = {cell: k for k, cell in enumerate(zip(*(summary[k].values for k in keys), strict=True))}
+    variants = dict.fromkeys(summary["variant"].values.tolist())
 
     def days(name: str, scenario: str, architecture: str, estimator: str) -> np.ndarray:
-        cells = [place[scenario, architecture, estimator, day] for day in _DAYS[scenario]]
+        cells = [place[scenario, architecture, estimator, day] for day in variants]
         return summary[name].values[cells].reshape(-1, *summary[name].shape[2:])
 
-    day = np.repeat(np.arange(len(_DAYS["A"])), summary.sizes["seed"])
+    day = np.repeat(np.arange(len(variants)), summary.sizes["seed"])
 
     for n, compared in _COMPARED_WITH.items():
         named = [compared[1], *(f"{stem}-{n}" for stem in ARCHITECTURES)]
@@ -84,8 +78,8 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
                 other = days("rmse_geometric_all", *compared, estimator)
                 seen = days("rmse_median", *own, estimator)[:, _POSITION]
                 final = days("final_attitude_error_median", *own, estimator)
-                never = days("never_observed", *own, estimator).mean()
-                yield *head, "never_observed", never, np.nan, np.nan
+                never = t_interval(days("never_observed", *own, estimator), day)
+                yield *head, "never_observed", never.mean, max(never.low, 0.0), *never[2:]
                 for quantity, values in (
                     ("position_all_km", LENGTH_UNIT_KM * error[:, _POSITION]),
                     ("position_observed_km", LENGTH_UNIT_KM * seen),
@@ -97,12 +91,11 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
 
 
 def _rank_rows(ranks: pd.DataFrame) -> Iterator[tuple]:
-    """Rank correlation of each objective with errors of all targets, by day and estimator."""
+    """Rank correlation of each objective with errors of all targets over the days, by estimator."""
     chosen = ranks[(ranks["quantity"] == "rmse_geometric_all") & (ranks["scenario"] == "A")]
     for row in chosen.itertuples():
         if _RANKED.get(row.part) == row.unit:
-            day = row.variant if isinstance(row.variant, str) else ""
-            head = ("rank", row.estimator, day, row.observers, row.objective, row.part)
+            head = ("rank", row.estimator, "", row.observers, row.objective, row.part)
             yield *head, row.correlation, row.low, row.high
 
 
@@ -147,8 +140,9 @@ def _tracking(tables: Tables) -> dict[str, str]:
     for n, name in dict.fromkeys((n, name) for _, n, name, _ in table.index):
         line = [n, ARCHITECTURES[name.removesuffix(f"-{n}")]]
         for quantity, form in _MEANS.values():
-            key = ("mukf", n, name, quantity)
-            line.append(f"{table.loc[key, 'mean']:{form}}" if key in table.index else DASH)
+            ends = table.loc[("mukf", n, name, quantity), ["mean", "low", "high"]]
+            shown = Interval(*ends, 2) if quantity == "never_observed" else ends["mean"]
+            line.append(f"{shown:{form}}")
         for estimator, quantity in _RATIOS.values():
             key = (estimator, n, name, quantity)
             ends = table.loc[key, ["mean", "low", "high"]] if key in table.index else None
@@ -158,7 +152,7 @@ def _tracking(tables: Tables) -> dict[str, str]:
 
 
 def _ranks(tables: Tables) -> dict[str, str]:
-    """Rank correlations: ranges over days and estimators."""
+    """Rank correlations: ranges over estimators."""
     groups = _of(tables, "rank").groupby(["name", "observers", "quantity"])
     rows = []
     for objective, title in OBJECTIVES.items():

@@ -210,7 +210,11 @@ use rule result as pooled_table with:
 
 use rule result as objective_ranks with:
     input:
-        tracking=rules.tracking_tables.output.tracking,
+        tracking=(
+            rules.pooled_table.output[0]
+            if config["task2"]["variants"]["pooled"]
+            else rules.tracking_tables.output.tracking
+        ),
         objectives=expand(rules.objectives_table.output, scenario=JUDGED),
     output:
         table_file("objective_ranks"),

@@ -50,15 +50,28 @@ def _statistics(quantity: str, targets: int, values: Array, days: Array | None =
     return mean, low, high, *ends, finite.size, average
 
 
+MEASURES = (
+    ("rmse_geometric_all", "position", "km", -1.0),
+    ("rmse_geometric_all", "attitude", "degree", -1.0),
+    ("rmse_median_all", "position", "km", -1.0),
+    ("rmse_median", "position", "km", -1.0),
+    ("rmse_median_all", "attitude", "degree", -1.0),
+    ("final_attitude_error_median", "", "degree", -1.0),
+    ("never_observed", "", "1", -1.0),
+    ("tracked_share", "", "1", 1.0),
+)
+"""Quantities with part and unit that objectives are ranked by, and the sign that makes more
+better."""
+
 _POOLED_QUANTITIES = (
+    *(measure[:3] for measure in MEASURES),
     ("custody_share", "", "1"),
     ("position_custody_share", "", "1"),
     ("attitude_custody_share", "", "1"),
     ("accurate_attitude_share", "", "1"),
     ("final_error_geometric_all", "position", "km"),
     ("final_error_geometric_all", "attitude", "degree"),
-    *((name, "", "1") for name in ("never_observed", "never_visible", "missed")),
-    ("final_attitude_error_median", "", "degree"),
+    *((name, "", "1") for name in ("never_visible", "missed")),
     *(("coverage", part, "1") for part in ("attitude", "position", "velocity")),
     *(("anees_mean", part, "1") for part in ("attitude", "position", "velocity")),
     ("inconsistent_rotation", "", "1"),
@@ -248,18 +261,6 @@ def _error_rows(
 OBJECTIVES = ("J", "union_coverage", "target_days", "information_nat", "attitude_nat")
 """Columns of ``tables/objectives_{scenario}.csv``; more is better."""
 
-MEASURES = (
-    ("rmse_geometric_all", "position", "km", -1.0),
-    ("rmse_geometric_all", "attitude", "degree", -1.0),
-    ("rmse_median_all", "position", "km", -1.0),
-    ("rmse_median", "position", "km", -1.0),
-    ("rmse_median_all", "attitude", "degree", -1.0),
-    ("final_attitude_error_median", "", "degree", -1.0),
-    ("never_observed", "", "1", -1.0),
-    ("tracked_share", "", "1", 1.0),
-)
-"""Quantity, part and unit in ``tables/tracking.csv``, and the sign that makes more better."""
-
 _GROUP = ["scenario", "estimator", "variant", "targets", "interval_minutes", "observers"]
 
 
@@ -269,7 +270,8 @@ def _filled(texts: pd.Series) -> pd.Series:
 
 
 def rank_rows(objectives: Sequence[pd.DataFrame], tracking: pd.DataFrame) -> pd.DataFrame:
-    """Rows of ``tables/objective_ranks.csv``, from the tables of objectives and of tracking.
+    """Rows of ``tables/objective_ranks.csv``, from the tables of objectives and of tracking, or of
+    tracking over days (`pooled_rows`).
 
     For every group of cells that differ only in their architecture and have the same number of
     observers: rank correlation of each objective with tracking performance. Groups of fewer
