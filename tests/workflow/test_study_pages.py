@@ -164,8 +164,9 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
         ("rmse_geometric_all", "rmse_median"), (("cell", "seed", "part"), error)
     )
     by_cell = dict.fromkeys(
-        ("never_observed", "final_attitude_error_median"), (("cell", "seed"), error[..., 0])
-    )
+        ("never_observed", "final_attitude_error_median", "position_custody_share",
+         "custody_share"), (("cell", "seed"), error[..., 0])
+    )  # fmt: skip
     (tmp_path / "task2").mkdir()
     xr.Dataset(by_part | by_cell, coords=labels).to_netcdf(tmp_path / "task2/summary.nc")
     with pytest.raises(InputFileError, match=r"objective_ranks\.csv: no such table; run the study"):

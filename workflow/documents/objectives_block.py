@@ -33,6 +33,13 @@ _UNITS = {
     "attitude": "attitude information (nat)",
     "coverage": "coverage (share of target-hours)",
 }
+_COUNTED = {
+    "never_observed": "never_observed",
+    "position_custody": "position_custody_share",
+    "custody": "custody_share",
+}
+"""Quantities with arithmetic means by their names in the summary."""
+
 _RANKED = {"position": "km", "attitude": "degree"}
 _POSITION, _ATTITUDE = 2, 0
 _COLUMNS = ["kind", "estimator", "variant", "observers", "name", "quantity", "mean", "low", "high"]
@@ -78,8 +85,9 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
                 other = days("rmse_geometric_all", *compared, estimator)
                 seen = days("rmse_median", *own, estimator)[:, _POSITION]
                 final = days("final_attitude_error_median", *own, estimator)
-                never = t_interval(days("never_observed", *own, estimator), day)
-                yield *head, "never_observed", never.mean, max(never.low, 0.0), *never[2:]
+                for quantity, name_of in _COUNTED.items():
+                    found = t_interval(days(name_of, *own, estimator), day)
+                    yield *head, quantity, found.mean, max(found.low, 0.0), *found[2:]
                 for quantity, values in (
                     ("position_all_km", LENGTH_UNIT_KM * error[:, _POSITION]),
                     ("position_observed_km", LENGTH_UNIT_KM * seen),
@@ -119,12 +127,14 @@ def _of(tables: Tables, kind: str) -> pd.DataFrame:
 
 
 _MEANS = {
-    "Targets of 50 never observed": ("never_observed", ".1f"),
-    "Position RMSE, all targets (km)": ("position_all_km", ".2f"),
-    "Position RMSE, observed targets (km)": ("position_observed_km", ".2f"),
-    "Final attitude error, observed targets (deg)": ("attitude_observed_deg", ".2f"),
+    "Targets of 50 never observed": ("mukf", "never_observed", ".1f", 1.0),
+    "In custody by position, batch estimator (%)": ("batch", "position_custody", ".0f", 100.0),
+    "In custody by position and attitude, batch estimator (%)": ("batch", "custody", ".0f", 100.0),
+    "Position RMSE, all targets (km)": ("mukf", "position_all_km", ".2f", 1.0),
+    "Position RMSE, observed targets (km)": ("mukf", "position_observed_km", ".2f", 1.0),
+    "Final attitude error, observed targets (deg)": ("mukf", "attitude_observed_deg", ".2f", 1.0),
 }
-"""Columns by the paper's filter: quantity and format."""
+"""Columns of means: estimator, quantity, format and factor."""
 
 _RATIOS = {
     f"Ratio of {part} RMSE, {name}": (estimator, f"{part}_ratio")
@@ -134,14 +144,18 @@ _RATIOS = {
 
 
 def _tracking(tables: Tables) -> dict[str, str]:
-    """Architectures by number of satellites, with errors by the filter and ratios by both."""
+    """Architectures by number of satellites, with custody, errors and ratios."""
     table = _of(tables, "tracking").set_index(["estimator", "observers", "name", "quantity"])
     rows = []
     for n, name in dict.fromkeys((n, name) for _, n, name, _ in table.index):
         line = [n, ARCHITECTURES[name.removesuffix(f"-{n}")]]
-        for quantity, form in _MEANS.values():
-            ends = table.loc[("mukf", n, name, quantity), ["mean", "low", "high"]]
-            shown = Interval(*ends, 2) if quantity == "never_observed" else ends["mean"]
+        for estimator, quantity, form, factor in _MEANS.values():
+            key = (estimator, n, name, quantity)
+            if key not in table.index:
+                line.append(DASH)
+                continue
+            ends = factor * table.loc[key, ["mean", "low", "high"]]
+            shown = Interval(*ends, 2) if quantity in _COUNTED else ends["mean"]
             line.append(f"{shown:{form}}")
         for estimator, quantity in _RATIOS.values():
             key = (estimator, n, name, quantity)
@@ -159,8 +173,8 @@ def _ranks(tables: Tables) -> dict[str, str]:
         for n in sorted({n for name, n, _ in groups.groups if name == objective}):
             of_parts = [groups.get_group((objective, n, part)) for part in _RANKED]
             ranges = [
-                f"{own['mean'].min():.2f} to {own['mean'].max():.2f} "
-                f"[{own['low'].min():.2f}, {own['high'].max():.2f}]"
+                " to ".join(dict.fromkeys(f"{end:.2f}" for end in own["mean"].agg(["min", "max"])))
+                + f" [{own['low'].min():.2f}, {own['high'].max():.2f}]"
                 for own in of_parts
             ]
             rows.append([title, n, *ranges])
