@@ -34,9 +34,10 @@ def made_result(
         `function` names the function within `cislunar`, and most others are arguments. Special are
         `kernels`, which are not used here; `without`, variables that are not read; `progress`, what
         the function counts; `inputs`, a class of named tuples of input files; `cell`, labels of a
-        cell; `cells`, those of the cells whose files the input `cells` has, for pairs of cells and
-        data sets, or their metrics alone if `metrics` is true; and `labeled`, the labels of the
-        files of some inputs, for mappings; a label of two parts makes nested mappings.
+        cell; `cells`, labels of the cells whose files are the input `cells`: the argument is then
+        pairs of a cell and its data set, or its metrics if `metrics` is true; and `labeled`, for
+        some inputs the labels of their files: the argument is then a mapping by label, nested if
+        the labels are pairs.
     known : mapping of str
         Further arguments, of which those are used that the function has.
 
@@ -68,7 +69,8 @@ def made_result(
 
 
 def write_result(result: Any, paths: Sequence[str]) -> None:
-    """Write a figure (as PNG and PDF), a table, a text or a data set."""
+    """Write a figure, a table, a text or a data set; `paths` is one path, or for a figure those of
+    the PNG and of the PDF, in this order."""
     if Path(paths[0]).suffix == ".png":
         from cislunar.figures.style import save_figure
 
@@ -91,7 +93,7 @@ def _read(files: Files, without: Sequence[str]) -> Any:
 
 
 def _by_label(labels: Sequence[Any], contents: Sequence[Any]) -> dict[str, Any]:
-    """Contents by their labels; those whose labels are pairs by the first part and the second."""
+    """Contents by their labels, nested if the labels are pairs."""
     found: dict[str, Any] = {}
     for label, content in zip(labels, contents, strict=True):
         if isinstance(label, str):

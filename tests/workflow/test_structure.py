@@ -44,6 +44,7 @@ LAYERS = (
     "campaign.survey",
     "campaign.kernels campaign.verify",
     "figures",
+    "campaign.result",
     "study benchmark",
     "command",
     "__main__",

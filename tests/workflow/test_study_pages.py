@@ -7,12 +7,11 @@ import pandas as pd
 import pytest
 import xarray as xr
 from campaign_folder import ROOT
-from scipy.stats import t as student
 from small_tables import lines_of
 
 from cislunar.benchmark.score import SCORE_COLUMNS
 from cislunar.errors import InputFileError
-from cislunar.evaluation.intervals import interval_of
+from cislunar.evaluation.intervals import count_interval, interval_of
 from workflow.documents import benchmark_block, objectives_block
 from workflow.documents import update as documents
 from workflow.documents.blocks import BLOCKS
@@ -164,8 +163,9 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
         ("rmse_geometric_all", "rmse_median"), (("cell", "seed", "part"), error)
     )
     by_cell = dict.fromkeys(
-        ("never_observed", "final_attitude_error_median", "position_custody_share",
-         "custody_share"), (("cell", "seed"), error[..., 0])
+        ("never_observed", "final_attitude_error_median"), (("cell", "seed"), error[..., 0])
+    ) | dict.fromkeys(
+        ("position_custody_share", "custody_share"), (("cell", "seed"), 0.5 * error[..., 0])
     )  # fmt: skip
     (tmp_path / "task2").mkdir()
     xr.Dataset(by_part | by_cell, coords=labels).to_netcdf(tmp_path / "task2/summary.nc")
@@ -191,9 +191,7 @@ def test_the_study_of_objectives_has_ratios_by_day_and_realization(tmp_path):
     told = "| class DRO | 20 | \N{EN DASH} | \N{EN DASH} | 20.50 |"
     assert told in BLOCKS["objectives-generalization"](tables)
     own = lines_of("objectives-tracking", tables)[1]
-    mean = error[3:6, :, 0].mean(axis=1)
-    half = student.ppf(0.975, 2) * mean.std(ddof=1) / np.sqrt(3)
-    told = f"{mean.mean():.1f} [{max(mean.mean() - half, 0.0):.1f}, {mean.mean() + half:.1f}]"
+    told = f"{count_interval(error[3:6, :, 0], np.repeat(range(3), 2)):.1f}"
     assert own.startswith(f"| 10 | maximum orbit information | {told} |")
     told = "0.50 [0.50, 0.50]"
     assert own.endswith(f"| {told} | {told} | \N{EN DASH} | \N{EN DASH} |")

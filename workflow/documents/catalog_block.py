@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from .columns import Column as Number
+from .columns import Column as TableColumn
 from .columns import Tables, by_cell, numbers
 from .markdown import markdown_table
 
@@ -162,7 +162,7 @@ def _surveys(study: str, tables: Tables) -> dict[str, object]:
 def _table(table: pd.DataFrame, columns: Sequence[Column]) -> dict[str, str]:
     """A table of the surveys that have one of the quantities, and the terms of its columns."""
     own = table[table["quantity"].isin([each.quantity for each in columns])]
-    shown = [Number(each.quantity, "", "1", each.format, each.factor, interval=True)
+    shown = [TableColumn(each.quantity, "", "1", each.format, each.factor, interval=True)
              for each in columns]  # fmt: skip
     rows = [
         [label, f"{day:g}", int(max(row["seeds"] for row in cell.values())), *numbers(cell, shown)]

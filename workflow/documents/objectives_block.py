@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.evaluation.intervals import Interval, log_interval, t_interval
+from cislunar.evaluation.intervals import Interval, interval_of, log_interval
 from cislunar.figures.labels import ARCHITECTURES, ESTIMATORS
 from cislunar.runtime.netcdf import read_dataset
 
@@ -33,6 +33,7 @@ _UNITS = {
     "attitude": "attitude information (nat)",
     "coverage": "coverage (share of target-hours)",
 }
+_TARGETS = 50
 _COUNTED = {
     "never_observed": "never_observed",
     "position_custody": "position_custody_share",
@@ -86,8 +87,8 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
                 seen = days("rmse_median", *own, estimator)[:, _POSITION]
                 final = days("final_attitude_error_median", *own, estimator)
                 for quantity, name_of in _COUNTED.items():
-                    found = t_interval(days(name_of, *own, estimator), day)
-                    yield *head, quantity, found.mean, max(found.low, 0.0), *found[2:]
+                    values = days(name_of, *own, estimator)
+                    yield *head, quantity, *interval_of(name_of, values, _TARGETS, day)
                 for quantity, values in (
                     ("position_all_km", LENGTH_UNIT_KM * error[:, _POSITION]),
                     ("position_observed_km", LENGTH_UNIT_KM * seen),

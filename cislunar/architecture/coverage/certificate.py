@@ -3,7 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import THOROUGH, Effort, ObjectiveCertificate, certified_search
+from cislunar.architecture.certified import (
+    THOROUGH,
+    Effort,
+    ObjectiveCertificate,
+    certified_search,
+    check_numbers,
+)
 from cislunar.architecture.coverage.kernels import lazy_greedy
 from cislunar.architecture.coverage.lagrangian import coverage_bound
 from cislunar.architecture.coverage.objective import CoverageObjective
@@ -43,9 +49,7 @@ def greedy_coverage(
     ConfigurationError
         If the number of satellites or of orbit slots is impossible.
     """
-    n_slots = n_satellites if n_slots is None else n_slots
-    most = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
-    count_of("n_satellites", n_satellites, n_slots, most)
+    n_slots = check_numbers(objective, n_satellites, n_slots)
     single = np.arange(objective.n_orbits) * objective.max_satellites
     orbit = lazy_greedy(
         objective.candidates, single, n_slots, objective.tables.fold, objective.reachable

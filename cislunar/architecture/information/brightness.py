@@ -52,7 +52,7 @@ def squared_detection_ranges(
     Raises
     ------
     ConfigurationError
-        If the attitudes have another shape, or there is none.
+        If the attitudes have another shape or are not finite, or there is none.
     """
     attitudes = array_of("quaternion", quaternion, ("attitude", 4))
     found = np.empty((surfaces.first.size - 1, _PHASE_ANGLES, len(attitudes)))

@@ -3,7 +3,13 @@
 import numpy as np
 
 from cislunar.architecture import Objective, random_start
-from cislunar.architecture.certified import Bound, Choice, ObjectiveCertificate, certified_search
+from cislunar.architecture.certified import (
+    Bound,
+    Choice,
+    ObjectiveCertificate,
+    certified_search,
+    check_numbers,
+)
 from cislunar.architecture.optimality.branch_and_bound import search_level
 from cislunar.runtime.arguments import count_of
 
@@ -50,8 +56,7 @@ def certify_total(
     ConfigurationError
         If the number of satellites, of orbits, of nodes or of restarts is impossible.
     """
-    most = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
-    count_of("n_satellites", n_satellites, n_slots, most)
+    check_numbers(objective, n_satellites, n_slots)
     count_of("nodes", nodes)
     rng = np.random.default_rng(0) if rng is None else rng
     size = objective.n_orbits, objective.max_satellites

@@ -43,8 +43,8 @@ def with_orbits(
     translation: Array,
     covariance: Array,
 ) -> State:
-    """State with other orbits of some targets, see `Estimator.replace_orbits`; their mixtures begin
-    anew."""
+    """State with other orbits of some targets, see `Estimator.replace_orbits`. Translations and
+    mixtures are changed in place; the mixtures begin anew."""
     root = replaced_roots(state.root, covariance, targets)
     state.translation[targets] = translation
     restart_mixtures(mixture, targets)

@@ -16,7 +16,6 @@ Assumptions and limitations
 """
 
 from copy import copy
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -292,13 +291,25 @@ def _root_of_motion(root: Array) -> Array:
     return np.swapaxes(sign[:, :, None] * upper, 1, 2)
 
 
-def mukf(**settings: Any) -> EstimatorFactory:
-    """Factory of the paper's filter for the tasking loop; `settings` are arguments of
-    `MultiplicativeUKF`."""
+def mukf(
+    *,
+    process_noise: ProcessNoise | None = None,
+    use_magnitude: bool = True,
+    splitting: bool = False,
+    extra_magnitude_noise: float = 0.0,
+    noise_memory: float | None = None,
+    estimated_parameters: BodyParameterPrior | None = None,
+) -> EstimatorFactory:
+    """Factory of the paper's filter for the tasking loop; see `MultiplicativeUKF`."""
+    given = {
+        "process_noise": process_noise, "use_magnitude": use_magnitude, "splitting": splitting,
+        "extra_magnitude_noise": extra_magnitude_noise, "noise_memory": noise_memory,
+        "estimated_parameters": estimated_parameters,
+    }  # fmt: skip
 
     def make(scene, surfaces, sensor, initial, rng, forces):
         del rng  # the filter draws nothing
-        return MultiplicativeUKF(scene, surfaces, sensor, initial, forces=forces, **settings)
+        return MultiplicativeUKF(scene, surfaces, sensor, initial, forces=forces, **given)
 
-    make.estimated_parameters = settings.get("estimated_parameters") or BodyParameterPrior()
+    make.estimated_parameters = estimated_parameters or BodyParameterPrior()
     return make

@@ -283,8 +283,8 @@ def open_if_curved(mixture, j, translation, rows, observation, k, scene, constan
 def use_direction(
     mixture, j, translation, root, observation, half_field, k, scene, constants, stack
 ):
-    """Update target j by one direction at time k; the outcomes are those of `update_translation`.
-    `half_field` is half the observer's field of view."""
+    """Update target j by one direction at time k; see `update_translation` for `observation` and
+    the outcomes. `half_field` is half the observer's field of view."""
     work, weights = stack.filter, constants.orbit_weights
     if mixture.count[j] == 0:
         limits, nonlinearity = (half_field, constants.curvature), mixture.nonlinearity[j]

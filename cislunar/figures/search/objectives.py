@@ -97,7 +97,7 @@ def objectives_figure(
 
     There is a row of panels for each table ``tables/objectives_{scenario}.csv``, without panels for
     objectives that have no front. Architectures are colored by their tracking errors if
-    ``tables/tracking.csv`` is given.
+    `tracking`, the table ``tables/tracking.csv``, is given.
     """
     whole = pd.concat([table.assign(shown=name) for name, table in tables.items()])
     texts = {key: whole[key].astype(object).fillna("") for key in ("front", "method")}

@@ -97,7 +97,7 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         If the information is no matrix, or `target` does not have a target, or `IDLE`, for each
         observer.
     """
-    matrix, chosen = array_of("information", information, (None, None)), np.asarray(target)
+    matrix, chosen = _matrix(information), np.asarray(target)
     least, most = min(IDLE, 0), matrix.shape[1] - 1
     if chosen.shape != matrix.shape[:1] or np.any((chosen < least) | (chosen > most)):
         raise ConfigurationError(
@@ -105,6 +105,14 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         )
     observers = np.flatnonzero(chosen != IDLE)
     return float(matrix[observers, chosen[observers]].sum())
+
+
+def _matrix(information: ArrayLike) -> Array:
+    """The information as a matrix of finite numbers."""
+    matrix = array_of("information", information)
+    if matrix.ndim != 2:
+        raise ConfigurationError(f"information has shape {matrix.shape}; give (observer, target)")
+    return matrix
 
 
 def _random(
@@ -229,7 +237,7 @@ def assign(
         If the information is no matrix of finite numbers, the method is unknown, or a method that
         searches has no `rng` or a number of taskings below 1.
     """
-    matrix = np.round(array_of("information", information, (None, None)), INFORMATION_DECIMALS)
+    matrix = np.round(_matrix(information), INFORMATION_DECIMALS)
     require_choice("method", method, METHODS)
     if method in _DIRECT:
         target, history = _DIRECT[method](matrix), None

@@ -68,8 +68,8 @@ class TaskingModel:
     Raises
     ------
     ConfigurationError
-        If `states` is unknown, `measurements` is less than 1, or the radius or the coefficient is
-        not positive.
+        If `states` is unknown, `measurements` is not a whole number of at least 1, or the radius or
+        the coefficient is not positive.
     """
 
     diffuse_reflection_coefficient: float = 0.5
