@@ -97,8 +97,8 @@ use rule facet_geometry_figure as satellite_front_figure with:
 
 use rule facet_geometry_figure as objectives_figure with:
     input:
-        tables=expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
         **({"tracking": rules.tracking_tables.output.tracking} if CELLS else {}),
+        tables=expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
     output:
         **figure_files("objectives", "objectives"),
     log:
