@@ -353,7 +353,7 @@ def test_arrays_that_do_not_belong_together_are_refused(name):
 @pytest.mark.parametrize(
     "changes, message",
     [
-        ({"n_satellites": 9}, "n_slots = 9"),
+        ({"n_satellites": 9}, "n_satellites = 9"),
         ({"n_satellites": 3, "n_slots": 4}, "n_satellites = 3"),
         ({"n_satellites": 3, "steps": 0}, "steps = 0"),
     ],
