@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.objective import IMPROVES, Objective
-from cislunar.errors import ConfigurationError
-from cislunar.runtime.arguments import count_of
 
 _ROUNDS = 2  # bounds, each followed by a search from its choices
 
@@ -82,20 +80,6 @@ class ObjectiveCertificate:
     def proven(self) -> bool:
         """Whether no architecture has a larger value."""
         return self.bound <= self.value
-
-
-def check_numbers(objective: Objective, n_satellites: int, n_slots: int | None = None) -> int:
-    """Number of orbit slots, by default one per satellite; raises a `ConfigurationError` for
-    impossible numbers of slots or satellites."""
-    if n_slots is None:
-        return count_of("n_satellites", n_satellites, most=objective.n_orbits)
-    most = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
-    if not n_slots <= count_of("n_satellites", n_satellites) <= most:
-        raise ConfigurationError(
-            f"n_satellites = {n_satellites}: {n_slots} slots of 1..{objective.max_satellites} "
-            f"satellites hold between {n_slots} and {most}"
-        )
-    return n_slots
 
 
 def _promising(objective: Objective, choices: list[Choice], most: int | None) -> list[Choice]:

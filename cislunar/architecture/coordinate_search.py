@@ -122,14 +122,22 @@ class _Climb:
         return improved
 
 
+def check_numbers(
+    n_orbits: int, max_satellites: int, n_slots: int, total: int | None, name: str = "total"
+) -> None:
+    """Raise a `ConfigurationError` for an impossible number of slots, or of satellites in all,
+    which the argument `name` of the caller states."""
+    highest = count_of("n_slots", n_slots, most=n_orbits) * max_satellites
+    if total is not None and not n_slots <= count_of(name, total) <= highest:
+        raise ConfigurationError(
+            f"{name} = {total}: {n_slots} slots of 1..{max_satellites} satellites hold between "
+            f"{n_slots} and {highest}"
+        )
+
+
 def _check(objective: Objective, n_slots: int, total: int | None) -> None:
     require_kind("objective", objective, Objective, "give an Objective of cislunar.architecture")
-    highest = count_of("n_slots", n_slots, most=objective.n_orbits) * objective.max_satellites
-    if total is not None and not n_slots <= count_of("total", total) <= highest:
-        raise ConfigurationError(
-            f"total = {total}: {n_slots} slots of 1..{objective.max_satellites} satellites hold "
-            f"between {n_slots} and {highest}"
-        )
+    check_numbers(objective.n_orbits, objective.max_satellites, n_slots, total)
 
 
 def _check_start(objective: Objective, n_slots: int, total: int | None, orbit, satellites):
@@ -176,10 +184,8 @@ def random_start(
     ConfigurationError
         If a number is impossible, or the slots cannot hold the total.
     """
-    count_of("n_slots", n_slots, most=count_of("n_orbits", n_orbits))
-    highest = n_slots * count_of("max_satellites", max_satellites)
-    if total is not None:
-        count_of("total", total, n_slots, highest)
+    size = count_of("n_orbits", n_orbits), count_of("max_satellites", max_satellites)
+    check_numbers(*size, n_slots, total)
     orbit = rng.choice(n_orbits, n_slots, replace=False)
     if total is None:
         return orbit, rng.integers(1, max_satellites + 1, n_slots)

@@ -8,8 +8,6 @@ from typing import Any
 
 import pandas as pd
 
-from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking import read_cells
 from cislunar.runtime import progress_log, read_dataset, write_dataset, write_text
 
 Files = str | Iterable[str]
@@ -50,9 +48,14 @@ def made_result(
     given |= {key: value for key, value in params.items() if key not in _SPECIAL}
     named = dict(files) if isinstance(files, Mapping) else {}
     without = params.get("without", ())
+    # few results are of cells, and their modules take longest to import
     if "cell" in given:
+        from cislunar.campaign.settings.cells import Cell
+
         given["cell"] = Cell(*given["cell"])
     if "cells" in given:
+        from cislunar.campaign.tracking import read_cells
+
         metrics = params.get("metrics", False)
         given["cells"] = read_cells(given["cells"], named.pop("cells"), metrics=metrics)
     given |= {key: path if key.endswith("path") else _read(path, without)

@@ -1,5 +1,6 @@
 """Columns of numbers: which quantity of a cell of the campaign a table shows, and how."""
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -85,12 +86,11 @@ def shown(cell: Cell, column: Column, of: str | None = None) -> str:
     """A number of a cell, the statistic `of` or else that of the column, with its interval if the
     column has one; a dash if there is none."""
     row, of = cell.get(column.measure), of or column.of
-    if row is None or pd.isna(row[of]):
+    if row is None or not math.isfinite(row[of]):
         return DASH
-    ends = (row["low"], row["high"]) if column.interval else (None, None)
-    several = 1 if pd.isna(ends[0]) else 2
-    values = [column.factor * value for value in (row[of], *ends[: 2 * (several - 1)])]
-    return f"{Interval(*values, *[None] * (3 - len(values)), several):{column.form}}"
+    ends = (row["low"], row["high"]) if column.interval and math.isfinite(row["low"]) else ()
+    values = [column.factor * value for value in (row[of], *ends)]
+    return f"{Interval(*values, *[None] * (2 - len(ends)), 1 + bool(ends)):{column.form}}"
 
 
 def numbers(cell: Cell, columns: Iterable[Column]) -> list[str]:

@@ -3,13 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import (
-    THOROUGH,
-    Effort,
-    ObjectiveCertificate,
-    certified_search,
-    check_numbers,
-)
+from cislunar.architecture.certified import THOROUGH, Effort, ObjectiveCertificate, certified_search
+from cislunar.architecture.coordinate_search import check_numbers
 from cislunar.architecture.coverage.kernels import lazy_greedy
 from cislunar.architecture.coverage.lagrangian import coverage_bound
 from cislunar.architecture.coverage.objective import CoverageObjective
@@ -49,7 +44,10 @@ def greedy_coverage(
     ConfigurationError
         If the number of satellites or of orbit slots is impossible.
     """
-    n_slots = check_numbers(objective, n_satellites, n_slots)
+    size = objective.n_orbits, objective.max_satellites
+    if n_slots is None:
+        n_slots = count_of("n_satellites", n_satellites, most=objective.n_orbits)
+    check_numbers(*size, n_slots, n_satellites, "n_satellites")
     single = np.arange(objective.n_orbits) * objective.max_satellites
     orbit = lazy_greedy(
         objective.candidates, single, n_slots, objective.tables.fold, objective.reachable

@@ -3,13 +3,8 @@
 import numpy as np
 
 from cislunar.architecture import Objective, random_start
-from cislunar.architecture.certified import (
-    Bound,
-    Choice,
-    ObjectiveCertificate,
-    certified_search,
-    check_numbers,
-)
+from cislunar.architecture.certified import Bound, Choice, ObjectiveCertificate, certified_search
+from cislunar.architecture.coordinate_search import check_numbers
 from cislunar.architecture.optimality.branch_and_bound import search_level
 from cislunar.runtime.arguments import count_of
 
@@ -56,10 +51,10 @@ def certify_total(
     ConfigurationError
         If the number of satellites, of orbits, of nodes or of restarts is impossible.
     """
-    check_numbers(objective, n_satellites, n_slots)
+    size = objective.n_orbits, objective.max_satellites
+    check_numbers(*size, n_slots, n_satellites, "n_satellites")
     count_of("nodes", nodes)
     rng = np.random.default_rng(0) if rng is None else rng
-    size = objective.n_orbits, objective.max_satellites
 
     def bound(known: Choice) -> Bound:
         value = objective.value(*known)
