@@ -19,8 +19,9 @@ from cislunar.errors import CislunarError
 from cislunar.orbit_determination.least_squares import OrbitFits
 from cislunar.runtime import Array, Indices
 
-_TOLERANCE = 1e-9
-"""Of the propagation, relative to one unit of length: half a meter after a week."""
+_TOLERANCE = 1e-12
+"""Of the propagation, in units of length. Detections of a week determine one component of a state
+on an unstable orbit to some centimeters, or 1e-10."""
 
 _ROUNDING = 1e-14
 """Least share in the largest eigenvalue of a correlation matrix that is not lost to rounding."""

@@ -1,10 +1,13 @@
-"""Distances of states under covariances, some of which rounding has spoiled."""
+"""Accuracy of propagated orbits; distances of states under covariances, some of which rounding has
+spoiled."""
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON
-from cislunar.orbit_determination import OrbitStates, orbits_at, squared_distances
+from cislunar.orbit_determination import OrbitStates, orbits_at, propagated, squared_distances
 
 
 def test_distances_are_those_of_the_inverse_covariance():
@@ -32,3 +35,28 @@ def test_an_orbit_without_a_finite_covariance_is_left_out():
     moved, kept = orbits_at(starts, 0.2, EARTH_MOON)
     assert kept.tolist() == [0, 2] and moved.state.shape == (2, 6)
     np.testing.assert_allclose(moved.covariance[1], 100.0 * moved.covariance[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        [1.0220, 0.0, -0.1820, 0.0, -0.1033, 0.0],  # near-rectilinear halo orbit
+        [0.82338, 0.0, -0.022278, 0.0, 0.13418, 0.0],  # halo orbit about L1
+        [1.00785, 0.0, 0.0, 0.0, 0.75, 0.1],  # about the Moon
+    ],
+)
+def test_integration_over_a_week_is_more_accurate_than_any_state_is_known(state):
+    """Against SciPy. Detections of a week can determine one component of a state on an unstable
+    orbit with a standard deviation of 1e-10 units of length."""
+
+    def derivative(_, y):
+        earth, moon = (y[:3] + np.array([x, 0.0, 0.0]) for x in (MU, MU - 1.0))
+        pull = (1.0 - MU) * earth / np.linalg.norm(earth) ** 3
+        pull += MU * moon / np.linalg.norm(moon) ** 3
+        return [*y[3:], y[0] + 2.0 * y[4] - pull[0], y[1] - 2.0 * y[3] - pull[1], -pull[2]]
+
+    week = -7.0 * 86_400.0 / TIME_UNIT_S
+    expected = solve_ivp(derivative, (0.0, week), state, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    path, transition = propagated(np.array([state]), np.zeros(1), np.array([week]), EARTH_MOON)
+    at_epoch = np.linalg.solve(transition[0, 0], path[0, 0] - expected)
+    assert np.abs(at_epoch[:3]).max() < 3e-12
