@@ -11,6 +11,7 @@ from cislunar.dynamics.ephemeris_forces import ephemeris_forces
 from cislunar.ephemeris import tabulate_bodies, tdb_seconds
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.orbit_determination import (
+    AdmissibleRegion,
     OrbitStates,
     by_radiation,
     fit_orbits,
@@ -19,7 +20,7 @@ from cislunar.orbit_determination import (
     propagated,
 )
 from cislunar.survey import LineageSettings
-from cislunar.survey.maneuvers import maneuvers_within
+from cislunar.survey.maneuvers import find_lineage, maneuvers_within, orbit_paths
 from cislunar.survey.navigation import (
     RemainingErrors,
     calibrate,
@@ -117,6 +118,43 @@ def test_predictions_consider_the_unknown_radiation_pressure(found):
     assert normalized(known, then).mean() > 30.0
     # at most: the factor that the fit has estimated counts with its prior
     assert 2.0 < normalized(direct, then).mean() < 8.1
+
+
+def test_two_orbits_of_an_object_are_joined_with_its_unknown_radiation_pressure(found):
+    """The later orbit is propagated back over days to where the two may meet."""
+    forces, angles, fits, truth = found
+    early, late = [], []
+    for k in range(OBJECTS):
+        rows = fits.detections(k)
+        early.append(rows[: rows.size // 6])
+        late.append(rows[rows.size // 6 :])
+    ends = [float(angles.time[each[-1]]) for each in early]
+    first = np.array([
+        propagated(truth[[k]], fits.epoch[[k]], np.array([ends[k]]), own)[0][0, 0]
+        for k, own in enumerate(true_forces())
+    ])  # fmt: skip
+    start, epoch = np.concatenate([first, truth]), np.concatenate([ends, fits.epoch])
+    both = fit_orbits(angles, early + late, start, epoch, forces=forces)
+    settings = LineageSettings(maneuvers_per_day=0.1)
+    uncertain = {"forces": forces, "settings": settings}
+    both, *_ = maneuvers_within(both, angles, **uncertain, radiation_sigma=DEVIATION)
+    before = np.arange(2 * OBJECTS) < OBJECTS
+    paths = orbit_paths(both, 0.0, float(angles.time[-1]), forces=forces)
+
+    def joined(sigma):
+        pairs = find_lineage(
+            both, angles, before, ~before, paths=paths, region=AdmissibleRegion(),
+            expected_objects=200.0, radiation_sigma=sigma, **uncertain,
+        )  # fmt: skip
+        right = pairs.after - pairs.before == OBJECTS
+        found = both.take(pairs.after[right]).updated(
+            np.arange(right.sum()), pairs.state[right], pairs.covariance[right]
+        )
+        return normalized(found, truth[pairs.before[right]])
+
+    assert joined(DEVIATION).size > OBJECTS / 2
+    assert 4.0 < joined(DEVIATION).mean() < 8.1
+    assert joined(0.0).mean() > 10.0
 
 
 def test_nothing_changes_if_the_radiation_pressure_is_known_or_there_is_none(found):

@@ -11,9 +11,10 @@ states of unknown objects, the ratio of the likelihoods is
 
 because an unknown object of the density n is at x_b with the likelihood that the detections give
 it, and phase-space volume does not change with time. Within a short interval z moves along a
-straight line, so that its part of the integral is an integral of the normal distribution. The
-change of velocity and the state after it follow by linear estimation in each interval and scale,
-and from the moments of their mixture.
+straight line, so that its part of the integral is an integral of the normal distribution. If the
+radiation pressure on the object is uncertain, one standard deviation of its factor displaces z by
+d(t), and d d' is added to the covariance. The change of velocity and the state after it follow by
+linear estimation in each interval and scale, and from the moments of their mixture.
 
 An orbit has one successor and one predecessor at most; the set of pairs of the largest sum of ln L
 is chosen (Crouse 2016, IEEE Transactions on Aerospace and Electronic Systems 52, 1679). Only what
@@ -35,7 +36,13 @@ from scipy.special import logsumexp
 from cislunar.association import best_pairs
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import VELOCITY_UNIT_M_S
-from cislunar.orbit_determination import AdmissibleRegion, Angles, OrbitFits, propagated
+from cislunar.orbit_determination import (
+    AdmissibleRegion,
+    Angles,
+    OrbitFits,
+    by_radiation,
+    propagated,
+)
 from cislunar.runtime import Array, Indices
 from cislunar.survey.maneuvers.line_integrals import line_moments, log_line_integrals, moments
 from cislunar.survey.settings import LineageSettings
@@ -153,6 +160,7 @@ def find_lineage(
     expected_objects: float,
     settings: LineageSettings,
     paths: OrbitPaths,
+    radiation_sigma: float = 0.0,
     log_integrals: dict[tuple[int, int], float] | None = None,
 ) -> Lineage:
     """Find orbits of one object before and after a maneuver.
@@ -174,6 +182,8 @@ def find_lineage(
     settings : LineageSettings
     paths : OrbitPaths
         Of all orbits, over all gaps.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
     log_integrals : dict, optional
         Logarithms of the integral of equation (1) for pairs of these orbits, from an earlier call;
         those of other pairs are added.
@@ -187,14 +197,14 @@ def find_lineage(
     rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
     constant = np.log(rate) - region.log_density - np.log(expected_objects)
     scales = np.array(settings.scales_m_s) / VELOCITY_UNIT_M_S
-    later = np.flatnonzero(after)
+    later, given = np.flatnonzero(after), (forces, radiation_sigma)
     log_integrals = {} if log_integrals is None else log_integrals
     ratio: dict[tuple[int, int], float] = {}
     for a in np.flatnonzero(before).tolist():
         gap = first[later] - last[a]
         for b in later[(gap > 0.0) & (gap <= longest)].tolist():
             if (a, b) not in log_integrals:
-                approach = _approach(fits, a, b, paths, (last[a], first[b]), forces)
+                approach = _approach(fits, a, b, paths, (last[a], first[b]), *given)
                 log_integrals[a, b] = _log_integral(approach, scales)
             if np.isfinite(log_integrals[a, b]):
                 ratio[a, b] = constant + log_integrals[a, b]
@@ -208,7 +218,7 @@ def find_lineage(
             parts.append((a, b, probability))
     kept = []
     for a, b, _ in parts:
-        approach = _approach(fits, a, b, paths, (last[a], first[b]), forces)
+        approach = _approach(fits, a, b, paths, (last[a], first[b]), *given)
         kept.append(_solved(approach, fits.state[b], fits.covariance[b], scales))
     unit = VELOCITY_UNIT_M_S
     return Lineage(
@@ -259,7 +269,7 @@ class _Approach(NamedTuple):
     z, rate : ndarray, shape (n, 6)
         z of equation (1) and its derivative.
     covariance : ndarray, shape (n, 6, 6)
-        P_a + P_b.
+        P_a + P_b, and that of the displacement of z by an uncertain radiation pressure.
     mapped : ndarray, shape (n, 6, 6)
         Covariances of the states of the later orbit with its state at its epoch.
     """
@@ -279,6 +289,7 @@ def _approach(
     paths: OrbitPaths,
     gap: tuple[float, float],
     forces: tuple,
+    radiation_sigma: float,
 ) -> _Approach | None:
     """Two orbits where they may meet in a gap; none if they do not, or if one meets a body."""
     near = _encounters(paths, a, b, *gap)
@@ -297,6 +308,12 @@ def _approach(
     z, rate = state[1] - state[0], np.zeros((time.size, 6))
     rate[:, :3] = z[:, 3:]
     covariance = (mapped @ stm.swapaxes(2, 3)).sum(axis=0)
+    # both orbits are of one object, whose factor of the radiation pressure displaces z
+    shift = np.diff(
+        by_radiation(fits.state[pair], fits.epoch[pair], time, state, forces, radiation_sigma),
+        axis=0,
+    )[0]
+    covariance += shift @ shift.swapaxes(1, 2)
     return _Approach(time, width, z, rate, covariance, mapped[1])
 
 

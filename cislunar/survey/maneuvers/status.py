@@ -122,7 +122,7 @@ def maneuvered_orbits(
     paths = orbit_paths(fits, first, now, forces=forces)
     everything = np.ones(own.size, dtype=bool)
     given = {"forces": forces, "region": region, "expected_objects": linking.expected_objects,
-             "settings": settings}  # fmt: skip
+             "settings": settings, "radiation_sigma": radiation_sigma}  # fmt: skip
     known: dict[tuple[int, int], float] = {}
     found = find_lineage(
         fits, angles, everything, everything, paths=paths, log_integrals=known, **given
