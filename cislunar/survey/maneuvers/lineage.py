@@ -25,6 +25,7 @@ Assumptions and limitations
 - A maneuver is an impulse, and there is one in a gap.
 - The distributions of both orbits are normal in the gap.
 - That b was not detected between t and its first detection does not count.
+- Encounters are sought by paths without the uncertainty of the radiation pressure.
 """
 
 from typing import NamedTuple
