@@ -63,6 +63,7 @@ _COLUMNS = {
         Column("In custody (% of findable)", "custody", ".1f", 100.0,
                terms="An object is in custody if a confirmed orbit predicts its position at the "
                "end of the stated days within 10 km."),
+        Column("Findable objects in custody", "in_custody", ".0f"),
         Column("Error of known objects (km)", "error_known_km", ".2f",
                terms="The error of known objects is the geometric mean of the position errors, at "
                "the end of the stated days, of the objects that had a right orbit a day before; an "
@@ -117,7 +118,8 @@ _HEADLINE_SURVEYS = (
 """Surveys of the headline, from top to bottom, each at its end."""
 
 _HEADLINE = (
-    "findable", "right", "custody", "duplicate", "wrong_share", "nees_ballistic", "covered",
+    "findable", "right", "custody", "in_custody", "duplicate", "wrong_share", "nees_ballistic",
+    "covered",
 )  # fmt: skip
 """Quantities of the columns of the headline."""
 

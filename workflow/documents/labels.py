@@ -26,6 +26,7 @@ OBJECTIVES = {
 RECOMMENDED, PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
 PAPER_EPHEMERIS = ("published", "mukf", "paper-ephemeris")
 PAPER_STRONGEST = ("published", "mukf", "filter-strongest")
+PAPER_BATCH = ("published", "batch", "with-batch")
 RECOMMENDED_WEEK, PAPER_WEEK = ("information", "batch", "week"), ("published", "mukf", "week-paper")
 
 

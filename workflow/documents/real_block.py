@@ -16,6 +16,7 @@ from cislunar.figures.labels import BODY_TRUTHS, OBSERVER_ERRORS, PIPELINES
 from .columns import COLUMNS, Cell, Column, Tables, by_cell, numbers, only_shown, shown
 from .labels import (
     PAPER,
+    PAPER_BATCH,
     PAPER_EPHEMERIS,
     PAPER_STRONGEST,
     PAPER_WEEK,
@@ -119,7 +120,8 @@ def _lengths(tables: Tables) -> dict[str, str]:
     return {"table": markdown_table(["Pipeline", "Days", "Realizations", *SHOWN], rows)}
 
 
-_COMPARED = ((RECOMMENDED, 20), (PAPER_EPHEMERIS, 43), (PAPER_STRONGEST, 43), (PAPER, 43))
+_COMPARED = ((RECOMMENDED, 20), (PAPER_BATCH, 20), (PAPER_BATCH, 43), (PAPER_STRONGEST, 43),
+             (PAPER_EPHEMERIS, 43), (PAPER, 43))  # fmt: skip
 """Pipelines and numbers of satellites of the headline."""
 
 
