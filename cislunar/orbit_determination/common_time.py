@@ -9,6 +9,7 @@ with the transition matrix Phi and the path x of an orbit with a given factor. T
 to be independent of the state at the epoch, at which d is zero.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,9 @@ _TOLERANCE = 1e-12
 """Of the propagation, in units of length. Detections of a week determine one component of a state
 on an unstable orbit to some centimeters, or 1e-10."""
 
+_TOGETHER = 16
+"""Orbits that are integrated together at times of their own."""
+
 _ROUNDING = 1e-14
 """Least share in the largest eigenvalue of a correlation matrix that is not lost to rounding."""
 
@@ -36,7 +40,8 @@ def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[
         Nondimensional, propagation frame.
     epoch : ndarray, shape (n,)
         Times of the states, nondimensional, since the epoch of the force model.
-    time : ndarray, shape (m,)
+    time : ndarray, shape (m,) or (n, m)
+        For all orbits, or for each.
     forces : NamedTuple
         CR3BP or ephemeris forces.
 
@@ -51,10 +56,49 @@ def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[
         return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
     except CislunarError:
         if len(state) == 1:
-            shape = 1, time.size, 6
+            shape = 1, time.shape[-1], 6
             return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
-    parts = [propagated(state[[k]], epoch[[k]], time, forces) for k in range(len(state))]
+    half, times = len(state) // 2, np.broadcast_to(time, (len(state), time.shape[-1]))
+    parts = [propagated(state[own], epoch[own], times[own], forces)
+             for own in (slice(half), slice(half, None))]  # fmt: skip
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+
+
+def propagated_each(
+    state: Array,
+    epoch: Array,
+    times: Sequence[Array],
+    forces: tuple,
+    radiation_sigma: float = 0.0,
+) -> list[tuple[Array, Array, Array]]:
+    """Orbits, each at its own times; several are integrated together.
+
+    Parameters
+    ----------
+    state, epoch, forces
+        See `propagated`.
+    times : sequence of ndarray, shape (m,)
+        At least one time of each orbit.
+    radiation_sigma : float
+        Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
+
+    Returns
+    -------
+    list of tuple
+        States (m, 6) and transition matrices (m, 6, 6) as of `propagated`, and displacements (m, 6,
+        0 or 1) as of `by_radiation`.
+    """
+    size = np.array([each.size for each in times], dtype=np.int64)
+    order, found = np.argsort(size, kind="stable"), {}
+    for begin in range(0, order.size, _TOGETHER):
+        own = order[begin : begin + _TOGETHER]
+        longest = int(size[own[-1]])
+        time = np.stack([np.pad(times[k], (0, longest - size[k]), "edge") for k in own.tolist()])
+        path, transition = propagated(state[own], epoch[own], time, forces)
+        shift = by_radiation(state[own], epoch[own], time, path, forces, radiation_sigma)
+        for k, *each in zip(own.tolist(), path, transition, shift, strict=True):
+            found[k] = tuple(part[: size[k]] for part in each)
+    return [found[k] for k in range(order.size)]
 
 
 def by_radiation(
@@ -66,7 +110,7 @@ def by_radiation(
     ----------
     state, epoch : ndarray, shapes (n, 6) and (n,)
         As for `propagated`.
-    time, path : ndarray, shapes (m,) and (n, m, 6)
+    time, path : ndarray, shapes (m,) or (n, m), and (n, m, 6)
         Times, and the states there with `forces`.
     forces : NamedTuple
         CR3BP or ephemeris forces.

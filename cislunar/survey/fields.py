@@ -155,9 +155,8 @@ def views(
             f"limits of {len(limits.limiting_magnitude)} observers: give those of all {shape[0]}"
         )
     out = np.empty(shape), np.empty(shape), np.empty(shape)
-    faintness = METERS**2 * np.array(
-        [faintness_per_squared_range(each) for each in limits.limiting_magnitude]
-    )
+    limit, own = np.unique(limits.limiting_magnitude, return_inverse=True)
+    faintness = METERS**2 * np.array([faintness_per_squared_range(each) for each in limit])[own]
     _see(scene, limits, faintness, index, place, *out)
     if eclipse:
         sky = scene.sun_position[[index]], scene.primaries[[index]]

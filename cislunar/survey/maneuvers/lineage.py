@@ -28,6 +28,7 @@ Assumptions and limitations
 - Encounters are sought by paths without the uncertainty of the radiation pressure.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +42,8 @@ from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
     OrbitFits,
-    by_radiation,
     propagated,
+    propagated_each,
 )
 from cislunar.runtime import Array, Indices
 from cislunar.survey.maneuvers.line_integrals import line_moments, log_line_integrals, moments
@@ -56,7 +57,7 @@ _GATE, _CURVED = 8.0, 0.02
 interval by which a straight line may be wrong."""
 
 _AT_ONCE = 64
-"""Orbits whose transition matrices are held at once."""
+"""Orbits, or pairs of orbits, whose transition matrices are held at once."""
 
 
 class OrbitPaths(NamedTuple):
@@ -198,17 +199,17 @@ def find_lineage(
     rate = settings.maneuvers_per_day * TIME_UNIT_S / SECONDS_PER_DAY
     constant = np.log(rate) - region.log_density - np.log(expected_objects)
     scales = np.array(settings.scales_m_s) / VELOCITY_UNIT_M_S
-    later, given = np.flatnonzero(after), (forces, radiation_sigma)
+    later, given = np.flatnonzero(after), (paths, last, first, forces, radiation_sigma)
     log_integrals = {} if log_integrals is None else log_integrals
-    ratio: dict[tuple[int, int], float] = {}
+    possible: list[tuple[int, int]] = []
     for a in np.flatnonzero(before).tolist():
         gap = first[later] - last[a]
-        for b in later[(gap > 0.0) & (gap <= longest)].tolist():
-            if (a, b) not in log_integrals:
-                approach = _approach(fits, a, b, paths, (last[a], first[b]), *given)
-                log_integrals[a, b] = _log_integral(approach, scales)
-            if np.isfinite(log_integrals[a, b]):
-                ratio[a, b] = constant + log_integrals[a, b]
+        possible += [(a, b) for b in later[(gap > 0.0) & (gap <= longest)].tolist()]
+    new = [pair for pair in possible if pair not in log_integrals]
+    for pair, approach in _approaches(fits, new, *given):
+        log_integrals[pair] = _log_integral(approach, scales)
+    found = ((pair, log_integrals[pair]) for pair in possible)
+    ratio = {pair: constant + each for pair, each in found if np.isfinite(each)}
     chosen = _assigned(ratio)
     parts = []
     for a, b in chosen:
@@ -217,10 +218,10 @@ def find_lineage(
         probability = float(np.exp(ratio[a, b] - logsumexp([0.0, *others])))
         if probability >= settings.least_probability:
             parts.append((a, b, probability))
-    kept = []
-    for a, b, _ in parts:
-        approach = _approach(fits, a, b, paths, (last[a], first[b]), *given)
-        kept.append(_solved(approach, fits.state[b], fits.covariance[b], scales))
+    kept = [
+        _solved(approach, fits.state[b], fits.covariance[b], scales)
+        for (_, b), approach in _approaches(fits, [(a, b) for a, b, _ in parts], *given)
+    ]
     unit = VELOCITY_UNIT_M_S
     return Lineage(
         np.array([a for a, *_ in parts], dtype=np.int64),
@@ -283,39 +284,60 @@ class _Approach(NamedTuple):
     mapped: Array
 
 
-def _approach(
+def _approaches(
     fits: OrbitFits,
-    a: int,
-    b: int,
+    pairs: Sequence[tuple[int, int]],
     paths: OrbitPaths,
-    gap: tuple[float, float],
+    last: Array,
+    first: Array,
     forces: tuple,
     radiation_sigma: float,
-) -> _Approach | None:
-    """Two orbits where they may meet in a gap; none if they do not, or if one meets a body."""
-    near = _encounters(paths, a, b, *gap)
-    count = max(1, int(np.ceil((gap[1] - gap[0]) * TIME_UNIT_S / _FINE_S)))
-    width = (gap[1] - gap[0]) / count
-    time = gap[0] + width * (np.arange(count) + 0.5)
+) -> Iterator[tuple[tuple[int, int], _Approach | None]]:
+    """Pairs of orbits where they may meet in the gap between the last detection of one and the
+    first of the other; without an approach if they do not, or if one meets a body."""
+    for begin in range(0, len(pairs), _AT_ONCE):
+        own = pairs[begin : begin + _AT_ONCE]
+        near = [_near(paths, pair, float(last[pair[0]]), float(first[pair[1]])) for pair in own]
+        some = [k for k, (time, _) in enumerate(near) if time.size]
+        orbit = np.array([own[k] for k in some], dtype=np.int64).ravel()
+        times = [near[k][0] for k in some for _ in range(2)]
+        moved = iter(propagated_each(
+            fits.state[orbit], fits.epoch[orbit], times, forces, radiation_sigma
+        ))  # fmt: skip
+        for pair, (time, width) in zip(own, near, strict=True):
+            both = [next(moved), next(moved)] if time.size else []
+            yield pair, _approach(time, width, both, fits.covariance[list(pair)])
+
+
+def _near(
+    paths: OrbitPaths, pair: tuple[int, int], begin: float, end: float
+) -> tuple[Array, float]:
+    """Middles of the intervals of a gap in which two orbits may meet, and the intervals' width."""
+    count = max(1, int(np.ceil((end - begin) * TIME_UNIT_S / _FINE_S)))
+    width = (end - begin) / count
+    time = begin + width * (np.arange(count) + 0.5)
     step = paths.time[1] - paths.time[0]
-    time = time[np.isin(np.rint((time - paths.time[0]) / step).astype(np.int64), near)]
+    near = _encounters(paths, *pair, begin, end)
+    return time[np.isin(np.rint((time - paths.time[0]) / step).astype(np.int64), near)], width
+
+
+def _approach(
+    time: Array, width: float, moved: Sequence[tuple[Array, Array, Array]], covariance: Array
+) -> _Approach | None:
+    """Two orbits with their covariances, as moved to some times by `propagated_each`."""
     if time.size == 0:
         return None
-    pair = [a, b]
-    state, stm = propagated(fits.state[pair], fits.epoch[pair], time, forces)
+    state, stm, by_factor = (np.stack(each) for each in zip(*moved, strict=True))
     if not np.all(np.isfinite(state)):
         return None
-    mapped = stm @ fits.covariance[pair, None]
+    mapped = stm @ covariance[:, None]
     z, rate = state[1] - state[0], np.zeros((time.size, 6))
     rate[:, :3] = z[:, 3:]
-    covariance = (mapped @ stm.swapaxes(2, 3)).sum(axis=0)
+    whole = (mapped @ stm.swapaxes(2, 3)).sum(axis=0)
     # both orbits are of one object, whose factor of the radiation pressure displaces z
-    shift = np.diff(
-        by_radiation(fits.state[pair], fits.epoch[pair], time, state, forces, radiation_sigma),
-        axis=0,
-    )[0]
-    covariance += shift @ shift.swapaxes(1, 2)
-    return _Approach(time, width, z, rate, covariance, mapped[1])
+    shift = by_factor[1] - by_factor[0]
+    whole += shift @ shift.swapaxes(1, 2)
+    return _Approach(time, width, z, rate, whole, mapped[1])
 
 
 def _log_integral(approach: _Approach | None, scales: Array) -> float:

@@ -138,7 +138,8 @@ def maneuvered_orbits(
         last = angles.time[fits.row[fits.begin[1:] - 1]]
         moved = orbit_paths(fits.take(changed), first, now, forces=forces)
         paths.state[changed], paths.covariance[changed] = moved.state, moved.covariance
-        known = {pair: each for pair, each in known.items() if not np.isin(pair, changed).any()}
+        anew = {*changed.tolist()}
+        known = {pair: each for pair, each in known.items() if anew.isdisjoint(pair)}
         found = find_lineage(
             fits, angles, everything, everything, paths=paths, log_integrals=known, **given
         )

@@ -53,17 +53,13 @@ from cislunar.orbit_determination import Angles, OrbitFits, propagated
 from cislunar.runtime import Array
 from cislunar.survey.maneuvers.line_integrals import moments
 from cislunar.survey.maneuvers.lineage import Lineage
-from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_path
+from cislunar.survey.navigation import ObservedPath, RemainingErrors, observed_paths
 from cislunar.survey.settings import LineageSettings
 
 _COARSE_S, _FINE_S, _WORTH, _HALVINGS = 900.0, 60.0, 12.0, 8
 """Longest intervals of the integral of equation (1): of all times, and of those whose logarithm of
 the integrand is at most `_WORTH` below the largest. The last one before the last detection is
 halved so often, since the velocity after a large impulse there is hardly known."""
-
-_AT_ONCE = 30000
-"""Components of residuals, times moments of impulses, whose derivatives are held at once: as many
-as the cache of a processor holds."""
 
 _MOST = 4
 """Maneuvers that are sought within an orbit; after the last of these no further one counts."""
@@ -124,11 +120,8 @@ def maneuvers_within(
     rows: list[tuple] = []
     moved: dict[int, tuple[Array, Array]] = {}
     averaged: dict[int, tuple[Array, Array]] = {}
-    for k in range(fits.epoch.size):
-        own = angles.rows(fits.detections(k))
-        path = observed_path(fits, k, own, forces, radiation_sigma)
-        if path is None:
-            continue
+    every = range(fits.epoch.size)
+    for k, path in observed_paths(fits, every, angles.rows, forces, radiation_sigma):
         found = _Search(fits, k, path, forces, settings, remaining)
         rows += found.maneuvers()
         averaged[k] = found.averaged
@@ -200,39 +193,31 @@ class _Search:
         """Derivatives (time, 6, 3) of the state at the epoch by impulses that precede it."""
         return np.linalg.inv(propagated(self.start, self.epoch, time, self.forces)[1][0])[:, :, 3:]
 
-    def _impulses(self, time: Array, by_velocity: Array) -> Array:
-        """Derivatives (component, 3, time) of residuals by impulses at increasing times; of the
-        components before the last time alone, since those of the others are zero: an impulse moves
-        what is before it, as the state is that of the last detection."""
-        before = np.repeat(self.time < time[-1:], 2)
-        of_time = np.repeat(self.time, 2)[before, None] < time
-        shift = -self.by_state.reshape(-1, 6)[before] @ by_velocity.transpose(1, 2, 0).reshape(
-            6, -1
-        )
-        return shift.reshape(-1, 3, time.size) * of_time[:, None]
+    def _sums(self, q: Array, left: Array) -> tuple[Array, Array, Array]:
+        """Sums of q' q over the detections before each, and over all others with the priors; sums
+        of q' times residuals over the former."""
+        size, n = 2 * self.time.size, q.shape[1]
+        each = q[:, :, None] * q[:, None]
+        pairs = each[:size].reshape(-1, 2, n, n).sum(axis=1)
+        early = np.concatenate([np.zeros((1, n, n)), np.cumsum(pairs, axis=0)])
+        last = each[size:].sum(axis=0)[None]
+        late = np.cumsum(np.concatenate([last, pairs[::-1]]), axis=0)[::-1]
+        moment = (q[:size] * left[:size, None]).reshape(-1, 2, n).sum(axis=1)
+        return early, late, np.concatenate([np.zeros((1, n)), np.cumsum(moment, axis=0)])
 
     def _integrand(
-        self, q: Array, left: Array, time: Array, by_velocity: Array, width: ArrayLike
+        self, sums: tuple, basis: Array, time: Array, by_velocity: Array, width: ArrayLike
     ) -> tuple[Array, Array, Array, Array]:
         """Logarithms (scale, time) of the parts of equation (1), changes of velocity with their
-        covariances, and products (time, basis, 3) of `q` with impulses; `q` is an orthonormal basis
-        of the derivatives by all else, and `left` are the residuals without them."""
-        g, d = np.empty((time.size, 3, 3)), np.empty((time.size, 3))
-        along = np.empty((time.size, q.shape[1], 3))
-        at_once = max(1, _AT_ONCE // left.size)
-        for begin in range(0, time.size, at_once):
-            own = slice(begin, begin + at_once)
-            impulse = self._impulses(time[own], by_velocity[own])
-            count, _, size = impulse.shape
-            early, late = q[:count], q[count:]
-            share = early.T @ impulse.reshape(count, -1)
-            free = (impulse.reshape(count, -1) - early @ share).reshape(impulse.shape)
-            here = along[own] = share.reshape(-1, 3, size).transpose(2, 0, 1)
-            d[own] = left[:count] @ free.transpose(2, 0, 1) - left[count:] @ late @ here
-            g[own] = here.swapaxes(1, 2) @ (late.T @ late) @ here
-            for i in range(3):
-                for j in range(3):
-                    g[own, i, j] += np.einsum("nt,nt->t", free[:, i], free[:, j])
+        covariances, and products (time, basis, 3) of q with impulses. The orthonormal basis q of
+        the derivatives by all else has the derivatives q `basis` by the state at the epoch."""
+        early, late, moment = (each[np.searchsorted(self.time, time)] for each in sums)
+        # B = -q u before the impulse and zero after it, and the two sums of q' q add up to 1
+        u = basis @ by_velocity
+        along = -early @ u
+        g = -along.swapaxes(1, 2) @ (late @ u)
+        g = 0.5 * (g + g.swapaxes(1, 2))
+        d = -np.einsum("tn,tni->ti", moment, u)
         squared = self.scales[..., None, None] ** 2
         spread = np.linalg.inv(g + np.eye(3) / squared)
         change = np.einsum("stij,tj->sti", spread, d)
@@ -267,13 +252,13 @@ class _Search:
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
         while count and len(rows) < _MOST:
-            left = residual - q @ (q.T @ residual)
-            width = span / count
-            log_part, *_ = self._integrand(q, left, coarse, self._by_velocity(coarse), width)
+            sums = self._sums(q, residual - q @ (q.T @ residual))
+            basis, width = q.T @ design[:, :6], span / count
+            log_part, *_ = self._integrand(sums, basis, coarse, self._by_velocity(coarse), width)
             near = log_part.max(axis=0) >= log_part.max() - _WORTH
             time, width = _fine(coarse[near], width, parts, bool(near[-1]))
             by_velocity = self._by_velocity(time)
-            log_part, change, spread, along = self._integrand(q, left, time, by_velocity, width)
+            log_part, change, spread, along = self._integrand(sums, basis, time, by_velocity, width)
             log_ratio = float(logsumexp(log_part))
             probability, share = float(expit(log_ratio)), np.exp(log_part - log_ratio)
             gain = -(inverse @ along)[:, :6]
@@ -303,9 +288,11 @@ class _Search:
             # further ones are sought beside the most probable one, with its prior
             scale, best = np.unravel_index(np.argmax(share), share.shape)
             n = design.shape[1]
-            impulse = np.zeros((residual.size, 3))
-            moved = self._impulses(time[[best]], by_velocity[[best]])[..., 0]
-            impulse[: len(moved)] = moved
+            impulse, before = (
+                np.zeros((residual.size, 3)),
+                2 * np.searchsorted(self.time, time[best]),
+            )
+            impulse[:before] = -self.by_state.reshape(-1, 6)[:before] @ by_velocity[best]
             prior = np.eye(3, n + 3, n) / self.scales[scale]
             design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])
             residual = np.concatenate([residual, np.zeros(3)])

@@ -7,6 +7,6 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "calibration": ["ObserverCalibration", "RemainingErrors", "calibrate", "considered",
         "corrected_angles", "uncalibrated"],
-    "paths": ["ObservedPath", "observed_path"],
+    "paths": ["ObservedPath", "observed_paths"],
 })
 # fmt: on

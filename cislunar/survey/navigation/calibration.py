@@ -33,8 +33,8 @@ import numpy as np
 from cislunar.estimation.navigation import ObserverErrorSigma
 from cislunar.observation import Scene
 from cislunar.orbit_determination import CONVERGED, Angles, OrbitFits
-from cislunar.runtime import Array
-from cislunar.survey.navigation.paths import ObservedPath, observed_path
+from cislunar.runtime import Array, Indices
+from cislunar.survey.navigation.paths import ObservedPath, observed_paths
 
 _NEAR = 0.1
 """Range at which a position error counts in the variance of angles, nondimensional."""
@@ -72,12 +72,9 @@ class RemainingErrors(NamedTuple):
     scene: Scene
     errors: ObserverCalibration
 
-    def path(
-        self, fits: OrbitFits, k: int, forces: tuple, radiation_sigma: float = 0.0
-    ) -> ObservedPath | None:
-        """Orbit k along its corrected detections; see `observed_path`."""
-        own = corrected_angles(self.angles.rows(fits.detections(k)), self.scene, self.errors)
-        return observed_path(fits, k, own, forces, radiation_sigma)
+    def detections(self, rows: Indices) -> Angles:
+        """Some of the detections, corrected."""
+        return corrected_angles(self.angles.rows(rows), self.scene, self.errors)
 
     def covariance(self, gain: Array, path: ObservedPath) -> Array:
         """Covariance (m, m) of m quantities that are estimated from an orbit's detections with a
@@ -163,10 +160,8 @@ def calibrate(
     # in standard deviations of the prior
     normal = np.eye(sigma.size)
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
-    for k in range(fits.epoch.size):
-        path = given.path(fits, k, forces, radiation_sigma)
-        if path is None:
-            continue
+    every = range(fits.epoch.size)
+    for _, path in observed_paths(fits, every, given.detections, forces, radiation_sigma):
         white = np.linalg.inv(np.linalg.cholesky(angles.covariance[path.rows]))
         by_error = _by_error(path, scene).reshape(*path.basis.shape[:2], -1)
         g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
@@ -209,10 +204,8 @@ def considered(fits: OrbitFits, remaining: RemainingErrors, *, forces: tuple) ->
         propagated to their detections, are kept.
     """
     found: dict[int, Array] = {}
-    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        path = remaining.path(fits, k, forces)
-        if path is None:
-            continue
+    converged = np.flatnonzero(fits.status == CONVERGED).tolist()
+    for k, path in observed_paths(fits, converged, remaining.detections, forces):
         by_state = path.basis @ path.by_state
         weighted = np.linalg.solve(path.angles.covariance, by_state).reshape(-1, 6)
         gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)

@@ -1,12 +1,16 @@
 """Fitted orbits along their detections, and the derivatives of their paths."""
 
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.orbit_determination import Angles, OrbitFits, by_radiation, propagated
+from cislunar.orbit_determination import Angles, OrbitFits, propagated_each
 from cislunar.runtime import Array
+
+_AT_ONCE = 64
+"""Orbits whose transition matrices are held at once."""
 
 
 class ObservedPath(NamedTuple):
@@ -40,39 +44,46 @@ class ObservedPath(NamedTuple):
     by_factor: Array
 
 
-def observed_path(
-    fits: OrbitFits, k: int, angles: Angles, forces: tuple, radiation_sigma: float = 0.0
-) -> ObservedPath | None:
-    """Orbit k at the times of its detections.
+def observed_paths(
+    fits: OrbitFits,
+    which: Sequence[int],
+    detections: Callable[[NDArray[np.int64]], Angles],
+    forces: tuple,
+    radiation_sigma: float = 0.0,
+) -> Iterator[tuple[int, ObservedPath]]:
+    """Some orbits, each at the times of its detections.
 
     Parameters
     ----------
     fits : OrbitFits
-    k : int
-    angles : Angles
-        The detections of the orbit alone.
+    which : sequence of int
+        Indices of the orbits.
+    detections : callable
+        Gives the detections with some row numbers.
     forces : NamedTuple
         CR3BP or ephemeris forces.
     radiation_sigma : float
         Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
 
-    Returns
-    -------
-    ObservedPath or None
-        None if the orbit cannot be propagated to its detections.
+    Yields
+    ------
+    int, ObservedPath
+        Index and path of each orbit that can be propagated to its detections.
     """
-    start = fits.state[[k]], fits.epoch[[k]]
-    path, stm = (each[0] for each in propagated(*start, angles.time, forces))
-    if not np.all(np.isfinite(path)):
-        return None
-    way = path[:, :3] - angles.observer_position
-    along = np.sum(way * angles.direction, axis=1)
-    return ObservedPath(
-        fits.detections(k),
-        angles,
-        way,
-        along,
-        angles.basis / along[:, None, None],
-        stm[:, :3],
-        by_radiation(*start, angles.time, path[None], forces, radiation_sigma)[0, :, :3],
-    )
+    for begin in range(0, len(which), _AT_ONCE):
+        some = list(which[begin : begin + _AT_ONCE])
+        own = [detections(fits.detections(k)) for k in some]
+        times = [each.time for each in own]
+        moved = propagated_each(fits.state[some], fits.epoch[some], times, forces, radiation_sigma)
+        for k, angles, (path, stm, by_factor) in zip(some, own, moved, strict=True):
+            if not np.all(np.isfinite(path)):
+                continue
+            way = path[:, :3] - angles.observer_position
+            along = np.sum(way * angles.direction, axis=1)
+            basis = angles.basis / along[:, None, None]
+            yield (
+                k,
+                ObservedPath(
+                    fits.detections(k), angles, way, along, basis, stm[:, :3], by_factor[:, :3]
+                ),
+            )
