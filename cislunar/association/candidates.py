@@ -33,7 +33,8 @@ from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import OrbitEstimates
-from cislunar.estimation.unscented import sigma_points, unscented_weights
+from cislunar.estimation.track_arrays import covariance_roots
+from cislunar.estimation.unscented import UNSCENTED_WEIGHTS, sigma_points
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at
 from cislunar.observation.sightline import (
@@ -194,11 +195,7 @@ def _roots(orbits: OrbitEstimates) -> Array:
     """Lower Cholesky factors (track, 6, 6) of the covariances; NaN for failed estimates."""
     root = np.full(orbits.covariance.shape, np.nan)
     kept = np.isfinite(orbits.translation[:, 0])
-    # relative to the deviations, so that rounding cannot make it indefinite
-    scale = np.sqrt(np.diagonal(orbits.covariance[kept], axis1=1, axis2=2))
-    correlation = orbits.covariance[kept] / (scale[:, :, None] * scale[:, None])
-    correlation += 1e-12 * np.eye(orbits.translation.shape[1])
-    root[kept] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    root[kept] = covariance_roots(orbits.covariance[kept])
     return root
 
 
@@ -249,7 +246,7 @@ def find_candidates(
     each = float(np.sqrt(expected.gate))
     gates = gate_threshold(each, 2), gate_threshold(each, 1)
     own = 1.0 - expected.process.detection_loss, expected.sigma, *gates, expected.faintness
-    spread = unscented_weights(6).spread
+    spread = UNSCENTED_WEIGHTS.spread
     model = scene, forces, spread, limits, (orbits.translation, _roots(orbits))
     data = (
         (

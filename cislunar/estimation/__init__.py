@@ -12,8 +12,9 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "names": ["ESTIMATORS"],
     "registry": ["estimator_named"],
+    "track_arrays": ["covariance_roots"],
     "triangular": ["cholesky", "solve_lower", "solve_transposed"],
-    "unscented": ["UnscentedWeights", "difference_moments", "information_gain",
-        "innovation_moments", "sigma_points", "square_root_update", "unscented_weights"],
+    "unscented": ["UNSCENTED_WEIGHTS", "UnscentedWeights", "difference_moments", "information_gain",
+        "innovation_moments", "sigma_points", "square_root_update"],
 })
 # fmt: on

@@ -53,7 +53,7 @@ def replaced_roots(root: Array, covariance: Array, tracks: ArrayLike) -> Array:
     states is replaced by a new one (changed, m, m), without correlation with the others."""
     out, m = root.copy(), covariance.shape[-1]
     out[tracks, -m:] = 0.0
-    out[tracks, -m:, -m:] = _roots_of(covariance)
+    out[tracks, -m:, -m:] = covariance_roots(covariance)
     return out
 
 
@@ -74,13 +74,30 @@ def widened_roots(root: Array, covariance: Array, tracks: NDArray[np.bool_]) -> 
     changed = tracks & np.any(covariance != 0.0, axis=(1, 2))
     whole = root[changed] @ root[changed].swapaxes(1, 2)
     whole[:, -m:, -m:] += covariance[changed]
-    out[changed] = _roots_of(whole)
+    out[changed] = covariance_roots(whole)
     return out
 
 
-def _roots_of(covariance: Array) -> Array:
-    """Lower Cholesky factors of covariances (track, n, n), from their correlations, so that
-    rounding cannot make one indefinite."""
+def covariance_roots(covariance: Array) -> Array:
+    """Lower Cholesky factors of covariances.
+
+    They are computed from the correlations, so that rounding cannot make one indefinite.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (track, n, n)
+        In any units.
+
+    Returns
+    -------
+    ndarray, shape (track, n, n)
+        In the units of the standard deviations.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance is not positive semidefinite.
+    """
     scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     units = scale[:, :, None] * scale[:, None]
     correlation = covariance / units + 1e-12 * np.eye(covariance.shape[-1])

@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.compiled import njit_alloc, njit_noalloc
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lower
 
 
@@ -39,39 +38,11 @@ class UnscentedWeights(NamedTuple):
     mean_shift: float
 
 
-def unscented_weights(
-    n: int, *, alpha: float = 0.5, beta: float = 2.0, kappa: float | None = None
-) -> UnscentedWeights:
-    """Weights of the scaled unscented transform (Paul & Fan, eqs. 28-31).
-
-    Parameters
-    ----------
-    n : int
-        State dimension.
-    alpha, beta, kappa : float
-        Parameters of the transform; `kappa` is ``3 - n`` if omitted.
-
-    Returns
-    -------
-    UnscentedWeights
-
-    Raises
-    ------
-    ConfigurationError
-        If n + lambda is not positive, or beta < alpha^2 (the covariance could lose definiteness).
-    """
-    if kappa is None:
-        kappa = 3.0 - n
-    scale = alpha**2 * (n + kappa)
-    if not scale > 0.0:
-        raise ConfigurationError(
-            f"alpha = {alpha} and kappa = {kappa} make n + lambda = {scale}; it must be positive"
-        )
-    if beta < alpha**2:
-        raise ConfigurationError(f"beta = {beta} must not be below alpha^2 = {alpha**2}")
-    return UnscentedWeights(
-        spread=float(np.sqrt(scale)), outer=0.5 / scale, mean_shift=beta - alpha**2
-    )
+UNSCENTED_WEIGHTS = UnscentedWeights(
+    spread=float(np.sqrt(0.75)), outer=0.5 / 0.75, mean_shift=2.0 - 0.5**2
+)
+"""Weights of the paper's transform (Paul & Fan, eqs. 28-31): with alpha = 0.5, beta = 2 and
+kappa = 3 - n, n + lambda = alpha^2 (n + kappa) is 0.75 for every number of states."""
 
 
 @njit_noalloc

@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "characterization": ["CHARACTERIZED_FIELDS", "CharacterizedTargets", "INTERVAL_PARTS",
         "characterized_targets", "spin_axis_error_deg", "within_intervals"],
     "cramer_rao": ["CramerRaoBound"],
-    "custody": ["Custody", "attitude_angle_deg"],
+    "custody": ["Custody", "attitude_angle_deg", "rotation_vectors_deg"],
     "gospa": ["CatalogQuality", "FALSE_ALARM", "Gospa", "catalog_quality"],
     "intervals": ["CONFIDENCE", "GEOMETRIC_MEANS", "Interval", "SPANS_DECADES", "contrast_interval",
         "count_interval", "group_means", "interval_of", "log_interval", "prediction_interval",

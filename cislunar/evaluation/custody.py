@@ -51,3 +51,21 @@ def attitude_angle_deg(error: Array) -> Array:
     scalar = (-a * squared + f * np.sqrt(f * f + (1.0 - a * a) * squared)) / (f * f + squared)
     # |rho| = (a + q4) |p| / f; the arctangent keeps its precision at small angles.
     return np.rad2deg(2.0 * np.arctan2((a + scalar) / f * np.sqrt(squared), scalar))
+
+
+def rotation_vectors_deg(error: Array) -> Array:
+    """Rotation vectors of attitude errors given as GRP vectors.
+
+    Parameters
+    ----------
+    error : ndarray, shape (..., 3)
+        Attitude errors, with a = 0.5 and f = 3.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Degrees.
+    """
+    length = np.linalg.norm(error, axis=-1)
+    angle = attitude_angle_deg(error) / np.where(length > 0.0, length, 1.0)
+    return error * angle[..., None]

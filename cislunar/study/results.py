@@ -19,7 +19,7 @@ from cislunar.campaign.tracking.records import (
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
-from cislunar.evaluation.custody import attitude_angle_deg
+from cislunar.evaluation.custody import attitude_angle_deg, rotation_vectors_deg
 from cislunar.evaluation.metrics import TARGET_STATUS_NAMES
 from cislunar.exchange.key_values import dates
 from cislunar.runtime.arguments import Array
@@ -124,7 +124,7 @@ class StudyResult:
             for part, (columns, factor, unit) in _PARTS.items():
                 values = cell[name].values[..., columns].astype(float)
                 turned = (name, part) == ("error", "attitude")
-                scaled = _rotation_deg(values) if turned else values * factor
+                scaled = rotation_vectors_deg(values) if turned else values * factor
                 described = (*rows, "axis"), scaled, unit, f"{part}: {words}"
                 found[f"{part}_{name}"] = variable(*described)
         for which in ("true", "estimated"):
@@ -361,10 +361,3 @@ def _counted(status: NDArray[np.int64]) -> str:
         for name, count in counts.items()
         if count
     )
-
-
-def _rotation_deg(error: Array) -> Array:
-    """Rotation vectors, deg, of attitude errors (GRP)."""
-    length = np.linalg.norm(error, axis=-1)
-    angle = attitude_angle_deg(error) / np.where(length > 0.0, length, 1.0)
-    return error * angle[..., None]

@@ -5,16 +5,7 @@ import pytest
 import xarray as xr
 
 from cislunar.constants import TIME_UNIT_S
-
-ORBITS = np.array(
-    [
-        [0.920026, 0.0, 0.501040, 0.898841],
-        [0.817843, 0.0, 0.505839, 2.962608],
-        [1.145831, 0.154015, -0.220793, 3.159410],
-        [1.125424, -0.181700, -0.225458, 2.960571],
-        [0.847229, 0.171882, 0.263971, 2.598230],
-    ]
-)
+from cislunar.tasking.demonstration import _ORBITS as ORBITS
 
 
 def _orbits(rows, dim):

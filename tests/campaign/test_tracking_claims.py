@@ -9,11 +9,8 @@ from made_up_summaries import COUNTS, GOOD, SEEDS, make_summary, spread
 
 from cislunar.campaign.tracking.comparisons import paired
 from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
-from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
-from cislunar.evaluation.intervals import (
-    Interval,
-    t_interval,
-)
+from cislunar.campaign.tracking.summary import ERRORS, PER_CELL, PER_PART
+from cislunar.evaluation.intervals import Interval, t_interval
 from workflow.documents.claims.facts import STATISTICS, unsatisfactory
 from workflow.documents.claims.judges import (
     BEYOND,
@@ -37,19 +34,6 @@ def _verdict(claims, *words):
     found = [c for c in claims if all(word in c.claim for word in words)]
     assert len(found) == 1, [c.claim for c in found]
     return found[0].verdict
-
-
-def _worse(name, part, factor, scenario, n=None, minutes=None):
-    """Change one part of one quantity in some cells."""
-
-    def change(scen, _, targets, interval):
-        if scen != scenario or n not in (None, targets) or minutes not in (None, interval):
-            return {}
-        value = list(GOOD[name])
-        value[PARTS.index(part)] *= factor
-        return {name: tuple(value)}
-
-    return change
 
 
 def test_every_claim_of_the_section_has_a_row_with_a_rule():

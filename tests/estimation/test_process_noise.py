@@ -65,9 +65,9 @@ def test_the_noise_of_two_revolutions_is_that_of_particles(density):
     assert 1.9 < n_steps * scene.step / period < 2.1
     scale = np.repeat([0.1 / LENGTH_UNIT_KM, 1e-4 * TIME_UNIT_S / LENGTH_UNIT_KM], 3)
     points, noise, work = np.empty((6, 13)), np.zeros((6, 6)), make_workspace(6, 2)
-    sigma_points(state, np.diag(scale), constants.orbit_weights.spread, points)
+    sigma_points(state, np.diag(scale), constants.weights.spread, points)
     carry_points(points, noise, 0, 0, n_steps, scene, constants, work)
-    point_moments(points, constants.orbit_weights, work)
+    point_moments(points, constants.weights, work)
     found = np.tril(work.covariance) + np.tril(work.covariance, -1).T + noise
 
     rng = np.random.default_rng(0)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from detected_object import HALO, OBSERVERS, paths
+from nights import HOUR, SIGMA
 from scipy.optimize import least_squares
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
@@ -18,25 +20,12 @@ from cislunar.orbit_determination import (
     pair_starts,
 )
 
-SIGMA = np.pi / 648_000.0
-HOUR = 3600.0 / TIME_UNIT_S
-HALO = np.array([1.125424, 0.0, -0.181700, 0.0, -0.225458, 0.0])
-OBSERVERS = np.array([[0.92, 0.0, 0.0, 0.0, 0.501, 0.0], [0.85, 0.1, 0.17, 0.0, 0.26, 0.0]])
 TIMES = np.array([0.0, 1 / 6, 2.0, 2 + 1 / 6, 5.0, 5 + 1 / 6]) * HOUR
 OWNERS = np.array([0, 0, 1, 1, 0, 0])
 
 
-def places(times, owners):
-    return np.array(
-        [
-            propagate(OBSERVERS[k], [t], method="dop853")[0, :3]
-            for k, t in zip(owners, times, strict=True)
-        ]
-    )
-
-
 def lines(state, times, owners):
-    return propagate(state, times, method="dop853")[:, :3] - places(times, owners)
+    return propagate(state, times, method="dop853")[:, :3] - paths(OBSERVERS, times, owners)
 
 
 def noisy(vectors, rng, sigma=SIGMA):
@@ -46,9 +35,8 @@ def noisy(vectors, rng, sigma=SIGMA):
 
 def test_the_solution_and_its_covariance_are_those_of_scipy():
     rng = np.random.default_rng(1)
-    angles = make_angles(
-        TIMES, OWNERS, places(TIMES, OWNERS), noisy(lines(HALO, TIMES, OWNERS), rng), SIGMA
-    )
+    at, way = paths(OBSERVERS, TIMES, OWNERS), lines(HALO, TIMES, OWNERS)
+    angles = make_angles(TIMES, OWNERS, at, noisy(way, rng), SIGMA)
 
     def residuals(state):
         way = lines(state, TIMES, OWNERS)
@@ -71,7 +59,7 @@ def test_the_solution_and_its_covariance_are_those_of_scipy():
 
 def test_the_covariance_is_that_of_repeated_measurements():
     rng, n = np.random.default_rng(2), 800
-    exact, at = lines(HALO, TIMES, OWNERS), places(TIMES, OWNERS)
+    exact, at = lines(HALO, TIMES, OWNERS), paths(OBSERVERS, TIMES, OWNERS)
     errors, chi_squared = [], []
     for _ in range(n):
         angles = make_angles(TIMES, OWNERS, at, noisy(exact, rng), SIGMA)
@@ -96,7 +84,7 @@ def test_normalized_errors_of_many_objects_are_consistent():
     )  # fmt: skip
     truth = base[np.arange(n) % 5] + rng.normal(scale=0.02, size=(n, 6))
     path = propagate_many(truth, TIMES, method="dop853")[:, :, :3]
-    at, errors, region = places(TIMES, OWNERS), [], AdmissibleRegion()
+    at, errors, region = paths(OBSERVERS, TIMES, OWNERS), [], AdmissibleRegion()
     pairs, chi_squared = np.array([[0, 1], [1, 2]]), []
     for k in range(n):
         angles = make_angles(TIMES, OWNERS, at, noisy(path[k] - at, rng), SIGMA)
@@ -122,7 +110,7 @@ def test_light_time_is_that_of_an_iteration_in_inertial_axes():
         c, s = np.cos(t), np.sin(t)
         return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]])
 
-    at, seen = places(TIMES, OWNERS), []
+    at, seen = paths(OBSERVERS, TIMES, OWNERS), []
     for t, place in zip(TIMES, at, strict=True):
         tau = 0.0
         for _ in range(10):
@@ -140,7 +128,7 @@ def test_light_time_is_that_of_an_iteration_in_inertial_axes():
 
 def test_fits_do_not_depend_on_others_and_report_failures():
     rng = np.random.default_rng(4)
-    at = places(TIMES, OWNERS)
+    at = paths(OBSERVERS, TIMES, OWNERS)
     angles = make_angles(TIMES, OWNERS, at, noisy(lines(HALO, TIMES, OWNERS), rng), SIGMA)
     behind = HALO.copy()
     behind[:3] = 2.0 * at[0] - HALO[:3]
@@ -163,7 +151,7 @@ def test_fits_do_not_depend_on_others_and_report_failures():
 
 
 def test_bad_input_is_refused_in_one_line():
-    at, way = places(TIMES, OWNERS), lines(HALO, TIMES, OWNERS)
+    at, way = paths(OBSERVERS, TIMES, OWNERS), lines(HALO, TIMES, OWNERS)
     angles = make_angles(TIMES, OWNERS, at, way, SIGMA)
     nowhere = way.copy()
     nowhere[2] = 0.0

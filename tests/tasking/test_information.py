@@ -6,7 +6,7 @@ from oracles.visibility import visible
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
-from cislunar.estimation.unscented import unscented_weights
+from cislunar.estimation.unscented import UNSCENTED_WEIGHTS
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import direction_angles
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
@@ -38,12 +38,13 @@ def _information(problem, model=None, **changes):
 def _posterior(problem, o, j):
     """Textbook unscented update of the translation, weights and all."""
     scene, _, sensor, prediction = problem
-    weights = unscented_weights(6)
     covariance = prediction.covariance[j]
-    points = sigma_points(prediction.translation[j], np.linalg.cholesky(covariance), weights)
+    points = sigma_points(
+        prediction.translation[j], np.linalg.cholesky(covariance), UNSCENTED_WEIGHTS
+    )
     lines = points[:, :3] - scene.observer_position[o, prediction.index]
     images = np.array([direction_angles(*d, scene.observer_axes[prediction.index]) for d in lines])
-    outer = np.full(12, weights.outer)
+    outer = np.full(12, UNSCENTED_WEIGHTS.outer)
     mean_central, covariance_central = central_weights(6)
     mean = np.r_[mean_central, outer] @ images
     wc = np.r_[covariance_central, outer][:, None]

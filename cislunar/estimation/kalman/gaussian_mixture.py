@@ -201,7 +201,7 @@ def merge(mixture, j, translation, root, constants, work):
     """Mean and root of a mixture's present moments; returns the variance between the components.
     The variance is summed over the axes in units of the root; -1 if the moments are not finite or
     not definite."""
-    weights = constants.orbit_weights
+    weights = constants.weights
     count = mixture.count[j]
     mean, covariance = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     each = np.empty((count, SIZE))
@@ -291,7 +291,7 @@ def after_step(mixture, j, translation, rows, shift, health, k, scene, constants
 @njit_noalloc
 def open_single(mixture, j, k, scene, constants, work):
     """Propagate the sigma points of the stored Gaussian to time k, as the only component."""
-    spread = constants.orbit_weights.spread
+    spread = constants.weights.spread
     sigma_points(mixture.mean[j, 0], mixture.root[j, 0], spread, mixture.points[j, 0])
     points, noise = mixture.points[j, 0], mixture.noise[j, 0]
     noise[:, :] = 0.0

@@ -93,7 +93,7 @@ def _observe(points, observation, constants, work):
     right_ascension, declination, variance, observer, axes = observation
     ra0, dec0 = expected_directions(points, observer, axes, work.expected)
     out = work.expected_shift, work.cross, work.even
-    innovation_moments(work.expected, variance, constants.orbit_weights, *out)
+    innovation_moments(work.expected, variance, constants.weights, *out)
     work.innovation[0] = wrap_angle(right_ascension - ra0) - work.expected_shift[0]
     work.innovation[1] = declination - dec0 - work.expected_shift[1]
     return _log_likelihood(work)
@@ -163,7 +163,7 @@ def _leave(stack, at, last):
 def _take(mixture, j, count, points, noise, observation, constants, work):
     """Update the Gaussian of sigma points and process noise as component number `count` of target
     j; whether this was possible."""
-    weights = constants.orbit_weights
+    weights = constants.weights
     point_moments(points, weights, work)
     for c in range(SIZE):
         for d in range(c + 1):
@@ -184,7 +184,7 @@ def update_mixture(
     `half_field` is half the observer's field of view; `translation` and `root` are the mixture's
     moments, before and after. The most likely component is processed first, so that unlikely
     components stay whole if the number of components is exhausted."""
-    work, weights = stack.filter, constants.orbit_weights
+    work, weights = stack.filter, constants.weights
     right_ascension, declination, _, observer, axes = observation
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
@@ -285,7 +285,7 @@ def use_direction(
 ):
     """Update target j by one direction at time k; see `update_translation` for `observation` and
     the outcomes. `half_field` is half the observer's field of view."""
-    work, weights = stack.filter, constants.orbit_weights
+    work, weights = stack.filter, constants.weights
     if mixture.count[j] == 0:
         limits, nonlinearity = (half_field, constants.curvature), mixture.nonlinearity[j]
         outcome = update_translation(

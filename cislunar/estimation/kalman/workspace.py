@@ -17,7 +17,7 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.triangular import cholesky
-from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
+from cislunar.estimation.unscented import UNSCENTED_WEIGHTS, UnscentedWeights
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors, sensor_limits
 from cislunar.observation.sightline import inside_primary
@@ -30,15 +30,15 @@ _NO_KINDS = np.empty(0, np.int64), np.empty(0, np.int64)
 class FilterConstants(NamedTuple):
     """Constants of a filter of n states.
     `forces`: force model, see `cislunar.dynamics.forces`. Added to the covariance at each step:
-    `process_variance` (n,) to the diagonal, `process_covariance` to that of position and velocity
-    on the same axis. `half_field` (observer,): half the fields of view, rad. `use_magnitude`:
-    whether the update uses the magnitude. `weights`, `orbit_weights`: for n states, and for
-    position and velocity. `curvature`: second-order part of predicted angles, in noise variances,
-    from which an orbit's Gaussian is split; inf for never. `rotation_kinds`, `surface_kinds`:
-    deviations of rotation and surface that are estimated as well, as the first of the n states;
-    `parameters`: the kinds of all of them, in a tuple whose length the compiler knows.
-    `extra_variance`: added to the variance of a magnitude, mag^2. `noise_memory`: number of
-    magnitudes over which their variance is averaged; 0 if it is known."""
+    `process_variance` (n,) to the diagonal, `process_covariance` to that of position and
+    velocity on the same axis. `half_field` (observer,): half the fields of view, rad.
+    `use_magnitude`: whether the update uses the magnitude. `weights`: of sigma points.
+    `curvature`: second-order part of predicted angles, in noise variances, from which an orbit's
+    Gaussian is split; inf for never. `rotation_kinds`, `surface_kinds`: deviations of rotation
+    and surface that are estimated as well, as the first of the n states; `parameters`: the kinds
+    of all of them, in a tuple whose length the compiler knows. `extra_variance`: added to the
+    variance of a magnitude, mag^2. `noise_memory`: number of magnitudes over which their
+    variance is averaged; 0 if it is known."""
 
     forces: tuple
     process_variance: Array
@@ -46,7 +46,6 @@ class FilterConstants(NamedTuple):
     half_field: Array
     use_magnitude: bool
     weights: UnscentedWeights
-    orbit_weights: UnscentedWeights
     curvature: float
     parameters: tuple[int, ...]
     rotation_kinds: NDArray[np.int64]
@@ -93,8 +92,7 @@ def filter_constants(
         covariance,
         sensor_limits(sensor, scene.observer_position.shape[0]).half_field,
         bool(use_magnitude),
-        unscented_weights(n + constant),
-        unscented_weights(6),
+        UNSCENTED_WEIGHTS,
         1.0 if splitting else np.inf,
         tuple(np.append(*kinds).tolist()),
         *kinds,

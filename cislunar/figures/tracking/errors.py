@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.errors import ConfigurationError
-from cislunar.evaluation.custody import attitude_angle_deg
+from cislunar.evaluation.custody import rotation_vectors_deg
 from cislunar.evaluation.metrics import BOUND_SIGMAS, INCONSISTENT, NEVER_OBSERVED, TRACKED
 from cislunar.figures import axes as layout
 from cislunar.figures import labels, style
@@ -202,9 +202,7 @@ def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
     some = cell.isel(seed=labels.REALIZATION, target=target)
     error = some["error"].values.astype(float)
     practical, attitude = _practical(error), error[:, PARTS[0].columns]
-    length = np.linalg.norm(attitude, axis=1)
-    angle = attitude_angle_deg(attitude) / np.where(length > 0.0, length, 1.0)
-    practical[:, PARTS[0].columns] = attitude * angle[:, None]
+    practical[:, PARTS[0].columns] = rotation_vectors_deg(attitude)
     hours = cell["time"].values / _SECONDS_PER_HOUR
     return hours, practical, _practical(some["sigma"].values.astype(float))
 

@@ -15,11 +15,11 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.expected import expected_directions, expected_measurements
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
+    UNSCENTED_WEIGHTS,
     UnscentedWeights,
     information_gain,
     innovation_moments,
     sigma_points,
-    unscented_weights,
 )
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import (
@@ -94,9 +94,6 @@ class TaskingModel:
         )
 
 
-_WEIGHTS = unscented_weights(6), unscented_weights(12)
-
-
 class _TaskingConstants(NamedTuple):
     """Constants of `TaskingModel` and sensors for the kernels. `limits` and `faintness` are those
     of all observers, or of one (`constants_of_observer`); variances are divided by `measurements`.
@@ -108,8 +105,7 @@ class _TaskingConstants(NamedTuple):
     sphere: bool
     gate: bool
     full: bool
-    six: UnscentedWeights
-    twelve: UnscentedWeights
+    weights: UnscentedWeights
 
 
 def tasking_constants(model: TaskingModel, sensor: Sensors, n_observers: int) -> _TaskingConstants:
@@ -122,7 +118,7 @@ def tasking_constants(model: TaskingModel, sensor: Sensors, n_observers: int) ->
         model.detection is None,
         model.pointing_uncertainty_gate,
         model.states == "full",
-        *_WEIGHTS,
+        UNSCENTED_WEIGHTS,
     )
 
 
@@ -136,8 +132,7 @@ def constants_of_observer(constants, o):
         constants.sphere,
         constants.gate,
         constants.full,
-        constants.six,
-        constants.twelve,
+        constants.weights,
     )
 
 
@@ -197,7 +192,7 @@ def expect_observation(
     if not observable(observer, points[:3, 0], sun, primaries, constants, variance):
         return False
     _, declination = expected_directions(points, observer, axes, expected)
-    innovation_moments(expected, variance[1:], constants.six, shift, cross, even)
+    innovation_moments(expected, variance[1:], constants.weights, shift, cross, even)
     sigma = _direction_sigma(cross, even, variance[1:], declination)
     return not constants.gate or sigma <= constants.limits.half_field
 
@@ -217,9 +212,9 @@ def _sigma_points(translation, covariance, joint_root, constants, selected, poin
         usable[j] = np.isfinite(np.sum(translation[j])) and cholesky(root)
         if not usable[j]:
             continue
-        sigma_points(translation[j, :3], root[:3, :3], constants.six.spread, points[j])
+        sigma_points(translation[j, :3], root[:3, :3], constants.weights.spread, points[j])
         if constants.full:
-            sigma_points(translation[j], joint_root[j, 6:], constants.twelve.spread, all_points[j])
+            sigma_points(translation[j], joint_root[j, 6:], constants.weights.spread, all_points[j])
     return usable
 
 
@@ -258,7 +253,7 @@ def _fill(prediction, joint, scene, surfaces, constants, selected, out):
                     all_points[j],
                     quaternion[j],
                     joint_root[j],
-                    constants.twelve.spread,
+                    constants.weights.spread,
                     observer,
                     axes,
                     sun,
@@ -269,7 +264,7 @@ def _fill(prediction, joint, scene, surfaces, constants, selected, out):
                     all_expected,
                 )
                 innovation_moments(
-                    all_expected, variance, constants.twelve, all_shift, all_cross, all_even
+                    all_expected, variance, constants.weights, all_shift, all_cross, all_even
                 )
                 gain = information_gain(all_cross, all_even)
             else:
@@ -359,7 +354,7 @@ def information_bound(
             limits.cosines,
             constants.faintness,
         ),
-        constants.six,
+        constants.weights,
         limits.half_field if constants.gate else np.full(out.shape[0], np.inf),
         out,
     )

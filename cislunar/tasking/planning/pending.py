@@ -119,7 +119,7 @@ def expected_update(
     constants = tasking_constants(model, sensor, scene.observer_position.shape[0])
     points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
-    dispersed_points(mean, covariance, constants.six.spread, points)
+    dispersed_points(mean, covariance, constants.weights.spread, points)
     matrix = np.zeros((n_targets, TRANSLATION_SIZE, TRANSLATION_SIZE))
     given = points, scene, constants, forces, matrix
     _add_information(prediction.index, in_order, *given)

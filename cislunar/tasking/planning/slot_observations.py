@@ -111,7 +111,7 @@ def slot_observations(
         np.ascontiguousarray(each) for each in (prediction.translation, prediction.covariance)
     )
     constants, now = tasking_constants(model, sensor, n_observers), 0
-    dispersed_points(mean, covariance, constants.six.spread, points)
+    dispersed_points(mean, covariance, constants.weights.spread, points)
     for s, step in enumerate(starts):
         index = prediction.index + int(step)
         carry_points(points, prediction.index + now, int(step) - now, scene.step, forces)
