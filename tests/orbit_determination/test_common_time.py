@@ -7,7 +7,13 @@ from scipy.integrate import solve_ivp
 
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON
-from cislunar.orbit_determination import OrbitStates, orbits_at, propagated, squared_distances
+from cislunar.orbit_determination import (
+    OrbitStates,
+    orbits_at,
+    propagated,
+    propagated_each,
+    squared_distances,
+)
 
 
 def test_distances_are_those_of_the_inverse_covariance():
@@ -60,3 +66,20 @@ def test_integration_over_a_week_is_more_accurate_than_any_state_is_known(state)
     path, transition = propagated(np.array([state]), np.zeros(1), np.array([week]), EARTH_MOON)
     at_epoch = np.linalg.solve(transition[0, 0], path[0, 0] - expected)
     assert np.abs(at_epoch[:3]).max() < 3e-12
+
+
+def test_orbits_with_times_of_their_own_are_those_that_are_propagated_alone():
+    """Bit for bit, beside an orbit that meets the Moon and in other groups of orbits."""
+    rng = np.random.default_rng(5)
+    state = np.array([1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0]) + np.zeros((40, 1))
+    state += 1e-2 * rng.standard_normal(state.shape)
+    state[7] = [0.995, 0.0, 0.0, 0.0, 0.0, 0.0]
+    epoch, sizes = rng.uniform(0.0, 1.0, 40), rng.integers(1, 30, 40).tolist()
+    times = [np.sort(rng.uniform(-0.3, 1.3, size)) for size in sizes]
+    found = propagated_each(state, epoch, times, EARTH_MOON)
+    for k, (path, transition, shift) in enumerate(found):
+        alone = propagated(state[[k]], epoch[[k]], times[k], EARTH_MOON)
+        for each, expected in zip((path, transition), alone, strict=True):
+            np.testing.assert_array_equal(each, expected[0])
+        assert shift.shape == (sizes[k], 6, 0)
+        assert np.isnan(path).any() == (k == 7)
