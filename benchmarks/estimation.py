@@ -28,7 +28,7 @@ from cislunar.dynamics.frames import pulsating_frame, to_inertial
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import GM_MOON
-from cislunar.estimation import ESTIMATORS, estimator_named
+from cislunar.estimation import ESTIMATORS, Abilities, estimator_named
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -327,7 +327,7 @@ def late_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
         estimator.__class__ = EveryStep
         return estimator
 
-    at_every_step.estimated_parameters = unknown
+    at_every_step.abilities = Abilities(unknown)
     ways = {
         name: partial(run_closed_loop, *problem[:4], [0], problem.loop, estimator=estimator)
         for name, estimator in (("all steps", at_every_step), ("needed steps", factory))

@@ -6,8 +6,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "dispersed_orbits": ["TRANSLATION_SIZE", "carry_points", "dispersed_points"],
     "eclipses": ["expected_dimming", "without_dimming"],
-    "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
-        "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation", "UPDATES"],
+    "estimator": ["Abilities", "CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory",
+        "FLOOR_HITS", "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation",
+        "UPDATES", "abilities_of"],
     "expected": ["expected_directions", "expected_measurements"],
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "names": ["ESTIMATORS"],

@@ -355,16 +355,26 @@ class Estimator(Protocol):
         ...
 
 
+class Abilities(NamedTuple):
+    """What the estimators of a factory do beside `Estimator`.
+    They estimate body parameters with a prior, and have `learned` and `searches`; choose between
+    models of the bodies, and have `characterizations`; state whether attitudes are unique, and have
+    `attitude_status`; test orbits for maneuvers; estimate maneuvers after an alarm, of which they
+    expect some a day of each target (0: they estimate none); search for targets that may have left
+    the field of view."""
+
+    estimated_parameters: BodyParameterPrior = BodyParameterPrior()
+    chooses_models: bool = False
+    reports_status: bool = False
+    tests_maneuvers: bool = False
+    maneuvers_per_day: float = 0.0
+    searches: bool = False
+
+
 class EstimatorFactory(Protocol):
     """Makes an estimator for one realization.
 
-    A factory whose estimators estimate body parameters has an attribute `estimated_parameters`. Its
-    estimators have `learned` and `searches`, see
-    `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators state
-    whether attitudes are unique has `reports_status` = True, and its estimators `attitude_status`.
-    One whose estimators choose between models of the body has `chooses_models` = True, and its
-    estimators `characterizations`. One whose estimators test for maneuvers has `tests_maneuvers` =
-    True, see `cislunar.estimation.maneuvers.factory.monitored`.
+    A factory whose estimators do more than `Estimator` has an attribute `abilities`.
     """
 
     def __call__(
@@ -379,3 +389,8 @@ class EstimatorFactory(Protocol):
         """Make an estimator with a random generator of its own, which deterministic estimators
         ignore."""
         ...
+
+
+def abilities_of(factory: EstimatorFactory) -> Abilities:
+    """The abilities of the estimators of a factory, which has none unless it states them."""
+    return getattr(factory, "abilities", Abilities())

@@ -27,7 +27,7 @@ from cislunar.dynamics import CR3BP, EARTH_MOON, require_nondimensional
 from cislunar.errors import ConfigurationError
 from cislunar.estimation import UPDATES, EstimatorFactory, InitialEstimate, estimator_named
 from cislunar.evaluation import CharacterizedTargets, TrackingMetrics
-from cislunar.observation import BodyParameterPrior, Scene, Sensor, TargetSurfaces, sensors_of
+from cislunar.observation import Scene, Sensor, TargetSurfaces, sensors_of
 from cislunar.runtime import Array, array_of, count_of, logger, require_kind, shortened_interval
 from cislunar.tasking.detection_outcomes import (
     count_outcomes,
@@ -207,9 +207,7 @@ class ClosedLoop:
     def estimated_parameters(self) -> dict[str, float]:
         """Prior standard deviations of the estimated body parameters, by name."""
         n_facets = int(np.diff(self.inputs.surfaces.first).max(initial=0))
-        return getattr(self.inputs.factory, "estimated_parameters", BodyParameterPrior()).named(
-            n_facets
-        )
+        return self.inputs.abilities.estimated_parameters.named(n_facets)
 
     @property
     def lengths(self) -> dict[str, int]:
@@ -269,7 +267,7 @@ class ClosedLoop:
         """What the light curves tell of the targets at the end of a completed run, by seed first;
         None unless the estimator chooses between models of the bodies."""
         found = [end.characterized for end in self.state.ends]
-        return _by_seed(found) if self.inputs.chooses_models else None
+        return _by_seed(found) if self.inputs.abilities.chooses_models else None
 
     def maneuvers(self) -> ManeuverLog | None:
         """True maneuvers of a completed run, if it records the truth."""
@@ -280,7 +278,7 @@ class ClosedLoop:
 
     def recovered(self) -> RecoveredLog | None:
         """Estimated maneuvers of a completed run, if they are estimated."""
-        if not self.inputs.recovers:
+        if not self.inputs.abilities.maneuvers_per_day:
             return None
         logs = [end.recovered for end in self.state.ends]
         number = np.repeat(self.numbers, [each.target.size for each in logs])

@@ -275,10 +275,10 @@ def _associate_window(
     wide[own.tracks.status == LOST] *= model.lost_gate_factor**2
     window = candidates(orbits._replace(covariance=wide))
     taken = associate(window, model)
-    if inputs.maneuvers_per_day > 0.0:
+    if inputs.abilities.maneuvers_per_day > 0.0:
         last, scene = own.tracks.last, inputs.scene
         waited = (orbits.index - last + model.window_steps) * np.where(last < 0, np.nan, scene.step)
-        expected = inputs.maneuvers_per_day * model.window_steps * scene.step_s / 86400.0
+        expected = inputs.abilities.maneuvers_per_day * model.window_steps * scene.step_s / 86400.0
         first = window, taken, found.exposure.size
         taken = associate_maneuvered(candidates, orbits, waited, *first, model, expected)
     early = given.step[taken.exposure] < end - begin

@@ -109,7 +109,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         prediction, n_steps, inputs.scene, inputs.surfaces, settings,
         inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
-    if inputs.searches:
+    if inputs.abilities.searches:
         tasking = tasking.commanding(own.estimator.command_search(n_steps))
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
@@ -160,7 +160,7 @@ def _simulate(
     outcome[estimates.used & (outcome == DETECTED)] = USED
     _report(own, start, tasking, measurements, outcome, commanded, shaded)
     error = estimation_errors(1, motion, estimates)
-    known = own.estimator.attitude_status == UNIQUE if inputs.reports_status else None
+    known = own.estimator.attitude_status == UNIQUE if inputs.abilities.reports_status else None
     own.evaluation.update(error, estimates.sigma, observed, least, known)
     names = kept_histories(settings, inputs.outputs)
     some = settings.recorded_within(start, n_steps)
@@ -213,7 +213,7 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
         )
         found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
         found["searches"] = [own.estimator.searches]
-    if inputs.reports_status:
+    if inputs.abilities.reports_status:
         found["attitude_status"] = [own.estimator.attitude_status]
     return found
 

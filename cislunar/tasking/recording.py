@@ -107,7 +107,7 @@ def recorded_motion(
 
 def tested_maneuvers(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array]]:
     """Values of the histories of the tests for maneuvers."""
-    if not inputs.tests_maneuvers:
+    if not inputs.abilities.tests_maneuvers:
         return {}
     found = own.estimator.tested_maneuvers()
     index, tested = (

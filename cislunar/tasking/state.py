@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from cislunar.association.tracks import TrackStatus
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.estimator import (
+    Abilities,
+    Estimator,
+    EstimatorFactory,
+    InitialEstimate,
+    abilities_of,
+)
 from cislunar.estimation.light_curves.row_blocks import TIME
 from cislunar.estimation.maneuvers import SEARCHING, RecoveredManeuvers
 from cislunar.evaluation import CharacterizedTargets, CramerRaoBound, characterized_targets
@@ -70,30 +76,9 @@ class SimulationInputs(NamedTuple):
         return several and "truth" in self.settings.record
 
     @property
-    def tests_maneuvers(self) -> bool:
-        """Whether the estimators test the orbits for maneuvers."""
-        return getattr(self.factory, "tests_maneuvers", False)
-
-    @property
-    def recovers(self) -> bool:
-        """Whether the estimators estimate maneuvers after an alarm."""
-        return getattr(self.factory, "recovers", False)
-
-    @property
-    def maneuvers_per_day(self) -> float:
-        """Number of maneuvers of a target in a day that the estimators expect; 0 if they do not
-        estimate maneuvers."""
-        return getattr(self.factory, "maneuvers_per_day", 0.0)
-
-    @property
-    def searches(self) -> bool:
-        """Whether the estimators search for targets that may have left the field of view."""
-        return getattr(self.factory, "searches", False)
-
-    @property
-    def chooses_models(self) -> bool:
-        """Whether the estimators choose between models of the bodies."""
-        return getattr(self.factory, "chooses_models", False)
+    def abilities(self) -> Abilities:
+        """What the estimators do beside estimating motion."""
+        return abilities_of(self.factory)
 
     @property
     def divisible(self) -> bool:
@@ -110,19 +95,15 @@ class SimulationInputs(NamedTuple):
         )
 
     @property
-    def reports_status(self) -> bool:
-        """Whether the estimators state whether attitudes are unique."""
-        return getattr(self.factory, "reports_status", False)
-
-    @property
     def outputs(self) -> Outputs:
         """What the estimators return besides the motion."""
-        estimated = bool(getattr(self.factory, "estimated_parameters", False))
-        return Outputs(estimated, self.reports_status, self.tests_maneuvers)
+        own = self.abilities
+        return Outputs(bool(own.estimated_parameters), own.reports_status, own.tests_maneuvers)
 
     def true_motion(self, truth: TruthModel, seed: int) -> TrueMotion:
         """The true motion of a realization from the epoch on, given its sampled truth."""
         settings, scene = self.settings, self.scene
+        least = SEARCHING if self.abilities.searches else 1
         return TrueMotion(
             self.initial if truth.start is None else truth.start,
             scene,
@@ -135,7 +116,7 @@ class SimulationInputs(NamedTuple):
             torque=truth.torque,
             surfaces=truth.surfaces,
             observations=(
-                max(settings.schedule.observers_per_target, SEARCHING if self.searches else 1)
+                max(settings.schedule.observers_per_target, least)
                 if not settings.association.in_field
                 else scene.observer_position.shape[0]
             ),
@@ -182,9 +163,9 @@ class Realization(NamedTuple):
 
     def end(self, inputs: SimulationInputs) -> End:
         """Results of the completed realization."""
-        found = self._characterized(inputs) if inputs.chooses_models else None
+        found = self._characterized(inputs) if inputs.abilities.chooses_models else None
         result, own = self.evaluation.result(), self.estimator
-        recovered = own.recovered_maneuvers() if inputs.recovers else None
+        recovered = own.recovered_maneuvers() if inputs.abilities.maneuvers_per_day else None
         return End(result, own.failed, own.counters, found, self._maneuvers(), recovered)
 
     def _characterized(self, inputs: SimulationInputs) -> CharacterizedTargets:

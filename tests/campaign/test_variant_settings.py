@@ -152,10 +152,10 @@ def test_deviations_are_reported_where_there_are_some(paper):
     settings = CellSettings(**cell_settings(with_families(paper)["task2"], "u"))
     assert settings.batch.estimated_parameters == BodyParameterPrior(log_slope=0.25)
     assert settings.batch.noise_freedom == 8
-    assert not estimator_factory("mukf", settings).estimated_parameters
+    assert not estimator_factory("mukf", settings).abilities.estimated_parameters
     augmented = settings.model_copy(update={"filter": Filter(estimate_parameters=True)})
     made = estimator_factory("mukf", augmented)
-    assert made.estimated_parameters == settings.batch.estimated_parameters
+    assert made.abilities.estimated_parameters == settings.batch.estimated_parameters
     assert truth_model(settings, NAMES[:2]).parameter_sigma == BodyParameterPrior(log_slope=0.2)
 
 

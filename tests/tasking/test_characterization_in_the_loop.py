@@ -87,7 +87,7 @@ def test_estimates_follow_from_the_light_curves_alone(run):
         for j in range(3):
             _, low, high = getattr(found, name)[j]
             assert inside[name][j] == (low <= getattr(found, f"true_{name}")[j] <= high)
-    assert loop.inputs.chooses_models
+    assert loop.inputs.abilities.chooses_models
 
 
 def test_usual_runs_have_no_characterization():

@@ -43,7 +43,7 @@ class Watched:
 
     def __init__(self, settings):
         self._made, self.surfaces, self.values = batch(settings), None, []
-        self.estimated_parameters = settings.estimated_parameters
+        self.abilities = self._made.abilities
 
     def __call__(self, scene, surfaces, *given):
         self.surfaces = surfaces

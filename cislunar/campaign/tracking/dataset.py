@@ -216,7 +216,7 @@ def _dataset(
     described = _results(loop)
     if loop.inputs.records_maneuvers:
         described |= log_variables(loop.maneuvers())
-    if loop.inputs.recovers:
+    if loop.inputs.abilities.maneuvers_per_day:
         described |= log_variables(loop.recovered())
     if (found := loop.characterized()) is not None:
         described |= {
@@ -376,7 +376,7 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
             target, found.bound_attitude_deg, "degree",
             "root mean square attitude of the Cramer-Rao bound over the final hours"),
     }  # fmt: skip
-    if loop.inputs.reports_status:
+    if loop.inputs.abilities.reports_status:
         described["unique_share"] = (
             target,
             found.unique_share,

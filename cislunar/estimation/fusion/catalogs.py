@@ -27,6 +27,7 @@ from cislunar.estimation.estimator import (
     EstimatorFactory,
     InitialEstimate,
     Prediction,
+    abilities_of,
 )
 from cislunar.estimation.fusion.intersection import best_of, intersect
 from cislunar.estimation.fusion.methods import FUSIONS
@@ -218,7 +219,7 @@ def catalogs(factory: EstimatorFactory, fusion: str) -> EstimatorFactory:
     Parameters
     ----------
     factory : EstimatorFactory
-        Factory of the observers' estimators; without `estimated_parameters`.
+        Factory of the observers' estimators, which estimate no body parameters.
     fusion : {"common", "alone", "covariance-intersection"}
         Fused estimate: that of the best observer, or the covariance intersection of all. "common"
         returns `factory`: one estimator of all measurements.
@@ -226,12 +227,13 @@ def catalogs(factory: EstimatorFactory, fusion: str) -> EstimatorFactory:
     require_choice("fusion", fusion, FUSIONS)
     if fusion == "common":
         return factory
-    if getattr(factory, "estimated_parameters", BodyParameterPrior()):
+    abilities = abilities_of(factory)
+    if abilities.estimated_parameters:
         raise ConfigurationError(
             f"fusion = {fusion!r}: body parameters are estimated with fusion = 'common' only"
         )
 
-    if getattr(factory, "chooses_models", False):
+    if abilities.chooses_models:
         raise ConfigurationError(
             f"fusion = {fusion!r}: models of bodies are chosen with fusion = 'common' only"
         )

@@ -27,6 +27,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
     N_COUNTERS,
+    Abilities,
     Estimates,
     EstimatorFactory,
     InitialEstimate,
@@ -311,5 +312,5 @@ def mukf(
         del rng  # the filter draws nothing
         return MultiplicativeUKF(scene, surfaces, sensor, initial, forces=forces, **given)
 
-    make.estimated_parameters = estimated_parameters or BodyParameterPrior()
+    make.abilities = Abilities(estimated_parameters or BodyParameterPrior())
     return make

@@ -23,6 +23,7 @@ from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
+    Abilities,
     Estimates,
     EstimatorFactory,
     InitialEstimate,
@@ -377,7 +378,8 @@ def batch(
     def make(scene, surfaces, sensor, initial, rng, forces):
         return BatchEstimator(scene, surfaces, sensor, initial, rng, forces=forces, **given)
 
-    make.estimated_parameters = settings.estimated_parameters
-    make.chooses_models = settings.model_selection.effort > 0
-    make.reports_status = make.chooses_models or settings.most_searches > 1
+    chooses = settings.model_selection.effort > 0
+    make.abilities = Abilities(
+        settings.estimated_parameters, chooses, chooses or settings.most_searches > 1
+    )
     return make

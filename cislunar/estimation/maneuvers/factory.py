@@ -1,6 +1,6 @@
 """Factory of estimators whose targets are tested for maneuvers."""
 
-from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.estimator import EstimatorFactory, abilities_of
 from cislunar.estimation.initial_sigma import ProcessNoise, noise_of_step
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest
@@ -8,7 +8,6 @@ from cislunar.estimation.maneuvers.monitored_estimator import MonitoredEstimator
 from cislunar.estimation.maneuvers.recovering_estimator import RecoveringEstimator
 from cislunar.estimation.maneuvers.search import ReachableSearch
 from cislunar.estimation.maneuvers.thresholds import false_alarm_threshold
-from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.sensor import sensor_limits
 
 
@@ -68,11 +67,9 @@ def monitored(
             )
         return RecoveringEstimator(inner, test, threshold, model, settings, search)
 
-    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    for name in ("chooses_models", "reports_status"):
-        setattr(make, name, getattr(factory, name, False))
-    make.tests_maneuvers = True
-    make.recovers = settings.recover
-    make.maneuvers_per_day = settings.maneuvers_per_target_day if settings.recover else 0.0
-    make.searches = settings.search_share > 0.0
+    make.abilities = abilities_of(factory)._replace(
+        tests_maneuvers=True,
+        maneuvers_per_day=settings.maneuvers_per_target_day if settings.recover else 0.0,
+        searches=settings.search_share > 0.0,
+    )
     return make

@@ -1,11 +1,10 @@
 """Factory of estimators that treat the errors of the observers."""
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.estimator import EstimatorFactory, abilities_of
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.navigation.errors import TREATMENTS, ObserverErrorSigma
 from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator
-from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.runtime.arguments import require_choice, require_kind
 
 
@@ -52,7 +51,5 @@ def navigated(
         n_targets = initial.translation.shape[0]
         return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
 
-    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    for name in ("chooses_models", "reports_status"):
-        setattr(make, name, getattr(factory, name, False))
+    make.abilities = abilities_of(factory)
     return make
