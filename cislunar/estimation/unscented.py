@@ -29,9 +29,9 @@ from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lo
 
 
 class UnscentedWeights(NamedTuple):
-    """Weights of the 2n + 1 sigma points: `spread` is sqrt(n + lambda), the factor on the columns
-    of the covariance's root, `outer` the weight of each outer point, and `mean_shift` beta -
-    alpha^2, the weight of m m^T in the difference form."""
+    """Weights of the 2n + 1 sigma points (Paul & Fan, eqs. 28-31): `spread` is sqrt(n + lambda),
+    the factor on the columns of the covariance's root, `outer` the weight of each outer point, and
+    `mean_shift` beta - alpha^2, the weight of m m^T in the difference form."""
 
     spread: float
     outer: float
@@ -41,8 +41,8 @@ class UnscentedWeights(NamedTuple):
 UNSCENTED_WEIGHTS = UnscentedWeights(
     spread=float(np.sqrt(0.75)), outer=0.5 / 0.75, mean_shift=2.0 - 0.5**2
 )
-"""Weights of the paper's transform (Paul & Fan, eqs. 28-31): with alpha = 0.5, beta = 2 and
-kappa = 3 - n, n + lambda = alpha^2 (n + kappa) is 0.75 for every number of states."""
+"""Weights with the paper's alpha = 0.5, beta = 2 and kappa = 3 - n, for every number of states:
+n + lambda = alpha^2 (n + kappa) is 0.75."""
 
 
 @njit_noalloc

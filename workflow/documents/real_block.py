@@ -201,7 +201,8 @@ _LIMITS = {
 def _verdict(tables: Tables) -> dict[str, str]:
     """Requirements on the recommended pipeline, and whether they are met."""
     cells = _cells(tables)
-    compared = [cells[way, n, 100] for way, n in _COMPARED[:2] if (way, n, 100) in cells]
+    pair = (RECOMMENDED, 20, 100), (PAPER_EPHEMERIS, 43, 100)
+    compared = [cells[key] for key in pair if key in cells]
     rows = [
         _against(*compared, title)
         for title, column in _HEADLINE.items()
