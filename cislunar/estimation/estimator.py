@@ -243,11 +243,6 @@ class Estimator(Protocol):
         points, Cholesky failures."""
         ...
 
-    @property
-    def estimated_parameters(self) -> BodyParameterPrior:
-        """Body parameters that are estimated in addition to the motion."""
-        ...
-
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the estimator itself does not advance."""
         ...
@@ -356,19 +351,19 @@ class Estimator(Protocol):
 
 
 class Abilities(NamedTuple):
-    """What the estimators of a factory do beside `Estimator`.
-    They estimate body parameters with a prior, and have `learned` and `searches`; choose between
-    models of the bodies, and have `characterizations`; state whether attitudes are unique, and have
-    `attitude_status`; test orbits for maneuvers; estimate maneuvers after an alarm, of which they
-    expect some a day of each target (0: they estimate none); search for targets that may have left
-    the field of view."""
+    """What the estimators of a factory do besides `Estimator`.
+    `estimated_parameters`: prior of body parameters, for which they have `learned` and `searches`.
+    `chooses_models`: between models of the bodies (`characterizations`). `reports_status`: whether
+    attitudes are unique (`attitude_status`). `tests_maneuvers`: of orbits (`tested_maneuvers`).
+    `maneuvers_per_day`: expected of a target; if above zero, maneuvers are estimated after an alarm
+    (`recovered_maneuvers`). `searches_field`: for targets outside of it (`command_search`)."""
 
     estimated_parameters: BodyParameterPrior = BodyParameterPrior()
     chooses_models: bool = False
     reports_status: bool = False
     tests_maneuvers: bool = False
     maneuvers_per_day: float = 0.0
-    searches: bool = False
+    searches_field: bool = False
 
 
 class EstimatorFactory(Protocol):

@@ -1,4 +1,4 @@
-"""Orbits at common times, and which of them have the same state.
+"""Orbits at given times, and which of them have the same state.
 
 The radiation pressure on an object is its assumed one times a factor with the standard deviation s.
 A displacement d of one standard deviation of the factor grows with time,
@@ -32,7 +32,7 @@ _ROUNDING = 1e-14
 
 
 def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[Array, Array]:
-    """Orbits and their transition matrices at common times.
+    """Orbits and their transition matrices at given times.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[
     try:
         return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
     except CislunarError:
-        if len(state) == 1:
-            shape = 1, time.shape[-1], 6
+        if len(state) < 2:
+            shape = len(state), time.shape[-1], 6
             return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
     half, times = len(state) // 2, np.broadcast_to(time, (len(state), time.shape[-1]))
     parts = [propagated(state[own], epoch[own], times[own], forces)

@@ -76,7 +76,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         true_scene,
         truth.surfaces,
         inputs.initial.sigma,
-        estimated_parameters=estimator.estimated_parameters,
+        estimated_parameters=inputs.abilities.estimated_parameters,
         forces=truth.forces,
     )
     evaluation = Evaluation(inputs.ids.size, settings.n_steps, settings.step_s, settings.custody)
@@ -109,7 +109,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         prediction, n_steps, inputs.scene, inputs.surfaces, settings,
         inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
-    if inputs.abilities.searches:
+    if inputs.abilities.searches_field:
         tasking = tasking.commanding(own.estimator.command_search(n_steps))
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
@@ -203,10 +203,11 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
     if own.detection is not None:
         mean, sigma = own.detection.offset()
         found |= {"brightness_offset": [mean], "brightness_offset_sigma": [sigma]}
-    if own.estimator.estimated_parameters:
+    prior = inputs.abilities.estimated_parameters
+    if prior:
         mean, sigma = own.estimator.learned()
         true = true_deviations(
-            own.estimator.estimated_parameters,
+            prior,
             inputs.surfaces,
             own.truth.surfaces,
             np.full(3, np.nan) if own.truth.torque else own.truth.angular_acceleration,

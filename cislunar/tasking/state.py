@@ -77,7 +77,7 @@ class SimulationInputs(NamedTuple):
 
     @property
     def abilities(self) -> Abilities:
-        """What the estimators do beside estimating motion."""
+        """What the estimators do besides estimating motion."""
         return abilities_of(self.factory)
 
     @property
@@ -103,7 +103,7 @@ class SimulationInputs(NamedTuple):
     def true_motion(self, truth: TruthModel, seed: int) -> TrueMotion:
         """The true motion of a realization from the epoch on, given its sampled truth."""
         settings, scene = self.settings, self.scene
-        least = SEARCHING if self.abilities.searches else 1
+        least = SEARCHING if self.abilities.searches_field else 1
         return TrueMotion(
             self.initial if truth.start is None else truth.start,
             scene,

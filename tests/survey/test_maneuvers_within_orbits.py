@@ -35,6 +35,33 @@ def whole_arc(change_m_s, seed, maneuver=MANEUVER, minutes=WHOLE):
     return angles, fits, states[-1]
 
 
+def test_sums_over_detections_give_what_derivatives_by_impulses_give():
+    """With derivatives by other parameters, their priors, and detections at equal times."""
+    rng, count, width = np.random.default_rng(3), 12, 0.3
+    time = np.sort(rng.integers(0, 9, count)).astype(float)
+    design, residual = rng.standard_normal((2 * count + 4, 10)), rng.standard_normal(2 * count + 4)
+    design[2 * count :, :6] = 0.0
+    q = np.linalg.qr(design)[0]
+    left = residual - q @ (q.T @ residual)
+    search = module._Search.__new__(module._Search)
+    search.time, search.rate, search.scales = time, 2.0, np.array([[0.1], [1.0], [30.0]])
+    at, by_velocity = np.array([0.5, 3.0, 3.5, 9.0]), rng.standard_normal((4, 6, 3))
+    found = search._integrand(search._sums(q, left), q.T @ design[:, :6], at, by_velocity, width)
+    for k, own in enumerate(by_velocity):
+        impulse = -design[:, :6] @ own
+        impulse[: 2 * count][np.repeat(time >= at[k], 2)] = 0.0
+        free = impulse - q @ (q.T @ impulse)
+        np.testing.assert_allclose(found[3][k], q.T @ impulse, atol=1e-12)
+        for i, scale in enumerate(search.scales[:, 0]):
+            spread = np.linalg.inv(free.T @ free + np.eye(3) / scale**2)
+            change = spread @ free.T @ residual
+            whole = np.linalg.slogdet(np.eye(3) + scale**2 * free.T @ free)[1]
+            part = 0.5 * (residual @ free @ change - whole) + np.log(2.0 * width / 3.0)
+            np.testing.assert_allclose(found[0][i, k], part, rtol=1e-10)
+            np.testing.assert_allclose(found[1][i, k], change, atol=1e-10)
+            np.testing.assert_allclose(found[2][i, k], spread, rtol=1e-8, atol=1e-10)
+
+
 def within(angles, fits, settings=SETTINGS):
     return maneuvers_within(fits, angles, forces=EARTH_MOON, settings=settings)
 

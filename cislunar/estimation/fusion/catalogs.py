@@ -31,7 +31,6 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.estimation.fusion.intersection import best_of, intersect
 from cislunar.estimation.fusion.methods import FUSIONS
-from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
@@ -106,11 +105,6 @@ class _Catalogs:
         for group in self._groups:
             total[group.targets] += group.estimator.counters
         return total
-
-    @property
-    def estimated_parameters(self) -> BodyParameterPrior:
-        """No body parameters."""
-        return BodyParameterPrior()
 
     def predict(self) -> Prediction:
         """See `Estimator.predict`."""

@@ -177,11 +177,6 @@ class MultiplicativeUKF:
         """See `Estimator.counters`."""
         return self._state.counters
 
-    @property
-    def estimated_parameters(self) -> BodyParameterPrior:
-        """See `Estimator.estimated_parameters`."""
-        return self._prior
-
     def learned(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the body-parameter deviations, (target, n) each, in the
         order and units of `BodyParameterPrior.named`; NaN for failed estimates."""

@@ -62,7 +62,7 @@ from cislunar.estimation.track_arrays import (
     selected_tracks,
     starting_index,
 )
-from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
+from cislunar.observation.body_parameters import HOUR
 from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors, sensor_limits, sensors_of
@@ -158,11 +158,6 @@ class BatchEstimator:
     def counters(self) -> NDArray[np.int64]:
         """See `Estimator.counters`."""
         return self._tracks.counters
-
-    @property
-    def estimated_parameters(self) -> BodyParameterPrior:
-        """See `Estimator.estimated_parameters`."""
-        return self._settings.estimated_parameters
 
     def learned(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the body-parameter deviations from all rows used so far,

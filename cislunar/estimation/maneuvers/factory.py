@@ -70,6 +70,6 @@ def monitored(
     make.abilities = abilities_of(factory)._replace(
         tests_maneuvers=True,
         maneuvers_per_day=settings.maneuvers_per_target_day if settings.recover else 0.0,
-        searches=settings.search_share > 0.0,
+        searches_field=settings.search_share > 0.0,
     )
     return make

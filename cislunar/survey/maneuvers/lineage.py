@@ -56,8 +56,8 @@ _GATE, _CURVED = 8.0, 0.02
 """Gate of an encounter in standard deviations, and the share of the relative displacement within an
 interval by which a straight line may be wrong."""
 
-_AT_ONCE = 64
-"""Orbits, or pairs of orbits, whose transition matrices are held at once."""
+_AT_ONCE, _PAIRS_AT_ONCE = 64, 16
+"""Orbits, and pairs of orbits, whose transition matrices are held at once."""
 
 
 class OrbitPaths(NamedTuple):
@@ -294,9 +294,9 @@ def _approaches(
     radiation_sigma: float,
 ) -> Iterator[tuple[tuple[int, int], _Approach | None]]:
     """Pairs of orbits where they may meet in the gap between the last detection of one and the
-    first of the other; without an approach if they do not, or if one meets a body."""
-    for begin in range(0, len(pairs), _AT_ONCE):
-        own = pairs[begin : begin + _AT_ONCE]
+    first of the other. The approach is None if they do not meet, or if one meets a body."""
+    for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
+        own = pairs[begin : begin + _PAIRS_AT_ONCE]
         near = [_near(paths, pair, float(last[pair[0]]), float(first[pair[1]])) for pair in own]
         some = [k for k, (time, _) in enumerate(near) if time.size]
         orbit = np.array([own[k] for k in some], dtype=np.int64).ravel()
@@ -305,7 +305,10 @@ def _approaches(
             fits.state[orbit], fits.epoch[orbit], times, forces, radiation_sigma
         ))  # fmt: skip
         for pair, (time, width) in zip(own, near, strict=True):
-            both = [next(moved), next(moved)] if time.size else []
+            if time.size == 0:
+                yield pair, None
+                continue
+            both = next(moved), next(moved)
             yield pair, _approach(time, width, both, fits.covariance[list(pair)])
 
 
@@ -325,8 +328,6 @@ def _approach(
     time: Array, width: float, moved: Sequence[tuple[Array, Array, Array]], covariance: Array
 ) -> _Approach | None:
     """Two orbits with their covariances, as moved to some times by `propagated_each`."""
-    if time.size == 0:
-        return None
     state, stm, by_factor = (np.stack(each) for each in zip(*moved, strict=True))
     if not np.all(np.isfinite(state)):
         return None

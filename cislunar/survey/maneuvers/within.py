@@ -33,6 +33,8 @@ errors of the observers (`cislunar.survey.navigation`).
 Assumptions and limitations
 ---------------------------
 - A maneuver is an impulse.
+- The sums of equation (1) lose digits if a disturbance grows by more than 1e4 between the first and
+  the last detection of an orbit, as over two weeks near L1.
 - Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
   them.
 - Equation (2) is dominated by large impulses of small probability shortly before the last
@@ -194,8 +196,9 @@ class _Search:
         return np.linalg.inv(propagated(self.start, self.epoch, time, self.forces)[1][0])[:, :, 3:]
 
     def _sums(self, q: Array, left: Array) -> tuple[Array, Array, Array]:
-        """Sums of q' q over the detections before each, and over all others with the priors; sums
-        of q' times residuals over the former."""
+        """Sums of the outer products of rows of q, over the first k detections and over all others
+        with the priors, and of rows of q times residuals over the first k; for k from zero to the
+        number of detections."""
         size, n = 2 * self.time.size, q.shape[1]
         each = q[:, :, None] * q[:, None]
         pairs = each[:size].reshape(-1, 2, n, n).sum(axis=1)
@@ -209,19 +212,20 @@ class _Search:
         self, sums: tuple, basis: Array, time: Array, by_velocity: Array, width: ArrayLike
     ) -> tuple[Array, Array, Array, Array]:
         """Logarithms (scale, time) of the parts of equation (1), changes of velocity with their
-        covariances, and products (time, basis, 3) of q with impulses. The orthonormal basis q of
-        the derivatives by all else has the derivatives q `basis` by the state at the epoch."""
+        covariances, and products (time, basis, 3) with impulses of the orthonormal basis q of the
+        derivatives by all else. The derivative by the state at the epoch is q times `basis`."""
         early, late, moment = (each[np.searchsorted(self.time, time)] for each in sums)
-        # B = -q u before the impulse and zero after it, and the two sums of q' q add up to 1
+        # B is -q u for detections before the impulse and zero for others; early + late is 1
         u = basis @ by_velocity
         along = -early @ u
         g = -along.swapaxes(1, 2) @ (late @ u)
-        g = 0.5 * (g + g.swapaxes(1, 2))
         d = -np.einsum("tn,tni->ti", moment, u)
-        squared = self.scales[..., None, None] ** 2
-        spread = np.linalg.inv(g + np.eye(3) / squared)
+        value, axes = np.linalg.eigh(0.5 * (g + g.swapaxes(1, 2)))
+        # rounding may make an eigenvalue negative
+        value, squared = np.maximum(value, 0.0), self.scales[..., None] ** 2
+        spread = axes * (squared / (1.0 + squared * value))[:, :, None] @ axes.swapaxes(1, 2)
         change = np.einsum("stij,tj->sti", spread, d)
-        whole = np.linalg.slogdet(np.eye(3) + squared * g)[1]
+        whole = np.log1p(squared * value).sum(axis=-1)
         log_part = 0.5 * (np.einsum("sti,ti->st", change, d) - whole)
         return log_part + np.log(self.rate * width / self.scales.size), change, spread, along
 
@@ -251,10 +255,11 @@ class _Search:
         self.averaged = self.state, self.covariance
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
+        by_coarse = self._by_velocity(coarse) if count else None
         while count and len(rows) < _MOST:
             sums = self._sums(q, residual - q @ (q.T @ residual))
             basis, width = q.T @ design[:, :6], span / count
-            log_part, *_ = self._integrand(sums, basis, coarse, self._by_velocity(coarse), width)
+            log_part, *_ = self._integrand(sums, basis, coarse, by_coarse, width)
             near = log_part.max(axis=0) >= log_part.max() - _WORTH
             time, width = _fine(coarse[near], width, parts, bool(near[-1]))
             by_velocity = self._by_velocity(time)

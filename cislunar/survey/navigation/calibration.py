@@ -72,7 +72,7 @@ class RemainingErrors(NamedTuple):
     scene: Scene
     errors: ObserverCalibration
 
-    def detections(self, rows: Indices) -> Angles:
+    def corrected(self, rows: Indices) -> Angles:
         """Some of the detections, corrected."""
         return corrected_angles(self.angles.rows(rows), self.scene, self.errors)
 
@@ -161,7 +161,7 @@ def calibrate(
     normal = np.eye(sigma.size)
     right = -errors.mean.ravel() / np.where(sigma > 0.0, sigma, 1.0)
     every = range(fits.epoch.size)
-    for _, path in observed_paths(fits, every, given.detections, forces, radiation_sigma):
+    for _, path in observed_paths(fits, every, given.corrected, forces, radiation_sigma):
         white = np.linalg.inv(np.linalg.cholesky(angles.covariance[path.rows]))
         by_error = _by_error(path, scene).reshape(*path.basis.shape[:2], -1)
         g = (white @ (by_error * sigma)).reshape(-1, sigma.size)
@@ -205,7 +205,7 @@ def considered(fits: OrbitFits, remaining: RemainingErrors, *, forces: tuple) ->
     """
     found: dict[int, Array] = {}
     converged = np.flatnonzero(fits.status == CONVERGED).tolist()
-    for k, path in observed_paths(fits, converged, remaining.detections, forces):
+    for k, path in observed_paths(fits, converged, remaining.corrected, forces):
         by_state = path.basis @ path.by_state
         weighted = np.linalg.solve(path.angles.covariance, by_state).reshape(-1, 6)
         gain = (fits.covariance[k] @ weighted.T).reshape(6, -1, 2)

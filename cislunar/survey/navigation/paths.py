@@ -59,7 +59,7 @@ def observed_paths(
     which : sequence of int
         Indices of the orbits.
     detections : callable
-        Gives the detections with some row numbers.
+        Returns the detections with the given row numbers.
     forces : NamedTuple
         CR3BP or ephemeris forces.
     radiation_sigma : float
@@ -72,18 +72,14 @@ def observed_paths(
     """
     for begin in range(0, len(which), _AT_ONCE):
         some = list(which[begin : begin + _AT_ONCE])
-        own = [detections(fits.detections(k)) for k in some]
+        rows = [fits.detections(k) for k in some]
+        own = [detections(each) for each in rows]
         times = [each.time for each in own]
         moved = propagated_each(fits.state[some], fits.epoch[some], times, forces, radiation_sigma)
-        for k, angles, (path, stm, by_factor) in zip(some, own, moved, strict=True):
+        for k, each, angles, (path, stm, by_factor) in zip(some, rows, own, moved, strict=True):
             if not np.all(np.isfinite(path)):
                 continue
             way = path[:, :3] - angles.observer_position
             along = np.sum(way * angles.direction, axis=1)
             basis = angles.basis / along[:, None, None]
-            yield (
-                k,
-                ObservedPath(
-                    fits.detections(k), angles, way, along, basis, stm[:, :3], by_factor[:, :3]
-                ),
-            )
+            yield k, ObservedPath(each, angles, way, along, basis, stm[:, :3], by_factor[:, :3])
