@@ -31,8 +31,8 @@ class Column(NamedTuple):
 _COLUMNS = {
     "catalog": (
         Column("Findable", "findable", ".0f",
-               terms="An object is findable if at least three tracklets, no two with a common "
-               "detection, are of this object alone."),
+               terms="An object is findable if at least three tracklets have detections of this "
+               "object alone, and no two of them have a common detection."),
         Column("Linked (% of findable)", "linked_share", ".1f", 100.0,
                terms="An object is linked if most detections of some orbit, confirmed or not, are "
                "detections of the object."),
@@ -45,14 +45,14 @@ _COLUMNS = {
         Column("Right orbits", "right", ".0f",
                terms="A confirmed orbit belongs to the object that caused more of the orbit's "
                "detections than any other object, if these outnumber the orbit's false alarms. The "
-               "orbit is right if its position error at its last detection is at most 500 km. The "
-               "number of right orbits is that of the objects with such an orbit."),
+               "orbit is right if its position error at its last detection is at most 500 km. One "
+               "right orbit of each object counts."),
         Column("Right orbits, difference from the survey of the first row", "right_difference",
                "+z.1f",
                terms="The difference is that of the same realizations, if both surveys have the "
                "same objects."),
         Column("Duplicates", "duplicate", ".1f",
-               terms="A duplicate is a further right orbit of an object."),
+               terms="A duplicate is any further right orbit of the same object."),
         Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
                terms="A wrong orbit is confirmed, and has a larger error or belongs to no object."),
         Column("Purity (%)", "purity", ".2f", 100.0,
