@@ -9,7 +9,7 @@ with the transition matrix Phi and the path x of an orbit with a given factor. T
 to be independent of the state at the epoch, at which d is zero.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +24,9 @@ _TOLERANCE = 1e-12
 """Of the propagation, in units of length. Detections of a week determine one component of a state
 on an unstable orbit to some centimeters, or 1e-10."""
 
-_TOGETHER = 16
-"""Orbits that are integrated together at times of their own."""
+_TOGETHER, _HELD = 16, 64
+"""Orbits with times of their own that are integrated together, and whose transition matrices are
+held at once."""
 
 _ROUNDING = 1e-14
 """Least share in the largest eigenvalue of a correlation matrix that is not lost to rounding."""
@@ -70,7 +71,7 @@ def propagated_each(
     times: Sequence[Array],
     forces: tuple,
     radiation_sigma: float = 0.0,
-) -> list[tuple[Array, Array, Array]]:
+) -> Iterator[tuple[Array, Array, Array]]:
     """Orbits, each at its own times; several are integrated together.
 
     Parameters
@@ -82,23 +83,26 @@ def propagated_each(
     radiation_sigma : float
         Standard deviation of the factor of the radiation pressure on an object; 0: it is known.
 
-    Returns
-    -------
-    list of tuple
-        States (m, 6) and transition matrices (m, 6, 6) as of `propagated`, and displacements (m, 6,
-        0 or 1) as of `by_radiation`.
+    Yields
+    ------
+    states, transition, displacement : ndarray
+        Of each orbit, shapes (m, 6), (m, 6, 6) and (m, 6, 0 or 1), see `propagated` and
+        `by_radiation`.
     """
     size = np.array([each.size for each in times], dtype=np.int64)
-    order, found = np.argsort(size, kind="stable"), {}
-    for begin in range(0, order.size, _TOGETHER):
-        own = order[begin : begin + _TOGETHER]
-        longest = int(size[own[-1]])
-        time = np.stack([np.pad(times[k], (0, longest - size[k]), "edge") for k in own.tolist()])
-        path, transition = propagated(state[own], epoch[own], time, forces)
-        shift = by_radiation(state[own], epoch[own], time, path, forces, radiation_sigma)
-        for k, *each in zip(own.tolist(), path, transition, shift, strict=True):
-            found[k] = tuple(part[: size[k]] for part in each)
-    return [found[k] for k in range(order.size)]
+    for first in range(0, size.size, _HELD):
+        order = first + np.argsort(size[first : first + _HELD], kind="stable")
+        found = {}
+        for begin in range(0, order.size, _TOGETHER):
+            own = order[begin : begin + _TOGETHER]
+            longest = int(size[own[-1]])
+            time = [np.pad(times[k], (0, longest - size[k]), "edge") for k in own.tolist()]
+            given = state[own], epoch[own], np.stack(time)
+            path, transition = propagated(*given, forces)
+            shift = by_radiation(*given, path, forces, radiation_sigma)
+            for k, *each in zip(own.tolist(), path, transition, shift, strict=True):
+                found[k] = tuple(part[: size[k]] for part in each)
+        yield from (found[k] for k in sorted(found))
 
 
 def by_radiation(

@@ -56,8 +56,8 @@ _GATE, _CURVED = 8.0, 0.02
 """Gate of an encounter in standard deviations, and the share of the relative displacement within an
 interval by which a straight line may be wrong."""
 
-_AT_ONCE, _PAIRS_AT_ONCE = 64, 16
-"""Orbits, and pairs of orbits, whose transition matrices are held at once."""
+_AT_ONCE = 64
+"""Orbits whose transition matrices are held at once."""
 
 
 class OrbitPaths(NamedTuple):
@@ -295,21 +295,18 @@ def _approaches(
 ) -> Iterator[tuple[tuple[int, int], _Approach | None]]:
     """Pairs of orbits where they may meet in the gap between the last detection of one and the
     first of the other. The approach is None if they do not meet, or if one meets a body."""
-    for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
-        own = pairs[begin : begin + _PAIRS_AT_ONCE]
-        near = [_near(paths, pair, float(last[pair[0]]), float(first[pair[1]])) for pair in own]
-        some = [k for k, (time, _) in enumerate(near) if time.size]
-        orbit = np.array([own[k] for k in some], dtype=np.int64).ravel()
-        times = [near[k][0] for k in some for _ in range(2)]
-        moved = iter(propagated_each(
-            fits.state[orbit], fits.epoch[orbit], times, forces, radiation_sigma
-        ))  # fmt: skip
-        for pair, (time, width) in zip(own, near, strict=True):
-            if time.size == 0:
-                yield pair, None
-                continue
-            both = next(moved), next(moved)
-            yield pair, _approach(time, width, both, fits.covariance[list(pair)])
+    near = [_near(paths, (a, b), float(last[a]), float(first[b])) for a, b in pairs]
+    some = [k for k, (time, _) in enumerate(near) if time.size]
+    orbit = np.array([pairs[k] for k in some], dtype=np.int64).ravel()
+    times = [near[k][0] for k in some for _ in range(2)]
+    start = fits.state[orbit], fits.epoch[orbit]
+    moved = propagated_each(*start, times, forces, radiation_sigma)
+    for pair, (time, width) in zip(pairs, near, strict=True):
+        if time.size == 0:
+            yield pair, None
+            continue
+        both = next(moved), next(moved)
+        yield pair, _approach(time, width, both, fits.covariance[list(pair)])
 
 
 def _near(

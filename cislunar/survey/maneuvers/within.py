@@ -293,10 +293,8 @@ class _Search:
             # further ones are sought beside the most probable one, with its prior
             scale, best = np.unravel_index(np.argmax(share), share.shape)
             n = design.shape[1]
-            impulse, before = (
-                np.zeros((residual.size, 3)),
-                2 * np.searchsorted(self.time, time[best]),
-            )
+            before = 2 * np.searchsorted(self.time, time[best])
+            impulse = np.zeros((residual.size, 3))
             impulse[:before] = -self.by_state.reshape(-1, 6)[:before] @ by_velocity[best]
             prior = np.eye(3, n + 3, n) / self.scales[scale]
             design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 from cislunar.orbit_determination import Angles, OrbitFits, propagated_each
 from cislunar.runtime import Array
 
-_AT_ONCE = 64
-"""Orbits whose transition matrices are held at once."""
-
 
 class ObservedPath(NamedTuple):
     """A fitted orbit at the times of its detections.
@@ -70,16 +67,15 @@ def observed_paths(
     int, ObservedPath
         Index and path of each orbit that can be propagated to its detections.
     """
-    for begin in range(0, len(which), _AT_ONCE):
-        some = list(which[begin : begin + _AT_ONCE])
-        rows = [fits.detections(k) for k in some]
-        own = [detections(each) for each in rows]
-        times = [each.time for each in own]
-        moved = propagated_each(fits.state[some], fits.epoch[some], times, forces, radiation_sigma)
-        for k, each, angles, (path, stm, by_factor) in zip(some, rows, own, moved, strict=True):
-            if not np.all(np.isfinite(path)):
-                continue
-            way = path[:, :3] - angles.observer_position
-            along = np.sum(way * angles.direction, axis=1)
-            basis = angles.basis / along[:, None, None]
-            yield k, ObservedPath(each, angles, way, along, basis, stm[:, :3], by_factor[:, :3])
+    some = list(which)
+    rows = [fits.detections(k) for k in some]
+    own = [detections(each) for each in rows]
+    times = [each.time for each in own]
+    moved = propagated_each(fits.state[some], fits.epoch[some], times, forces, radiation_sigma)
+    for k, each, angles, (path, stm, by_factor) in zip(some, rows, own, moved, strict=True):
+        if not np.all(np.isfinite(path)):
+            continue
+        way = path[:, :3] - angles.observer_position
+        along = np.sum(way * angles.direction, axis=1)
+        basis = angles.basis / along[:, None, None]
+        yield k, ObservedPath(each, angles, way, along, basis, stm[:, :3], by_factor[:, :3])
