@@ -35,7 +35,7 @@ def made_result(
         cell; `cells`, labels of the cells whose files are the input `cells`: the argument is then
         pairs of a cell and its data set, or its metrics if `metrics` is true; and `labeled`, for
         some inputs the labels of their files: the argument is then a mapping by label, nested if
-        the labels are pairs.
+        the labels are tuples.
     known : mapping of str
         Further arguments, of which those are used that the function has.
 
@@ -96,11 +96,12 @@ def _read(files: Files, without: Sequence[str]) -> Any:
 
 
 def _by_label(labels: Sequence[Any], contents: Sequence[Any]) -> dict[str, Any]:
-    """Contents by their labels, nested if the labels are pairs."""
+    """Contents by their labels, nested if the labels are tuples."""
     found: dict[str, Any] = {}
     for label, content in zip(labels, contents, strict=True):
-        if isinstance(label, str):
-            found[label] = content
-        else:
-            found.setdefault(label[0], {})[label[1]] = content
+        *outer, last = [label] if isinstance(label, str) else label
+        inner = found
+        for key in outer:
+            inner = inner.setdefault(key, {})
+        inner[last] = content
     return found

@@ -87,9 +87,9 @@ def cell_messages(
         *others, last = map(repr, _ENDINGS[ending])
         raise ConfigurationError(f"which = {shown(which)} must be {', '.join(others)} or {last}")
     if ending == ".html":
-        from cislunar.figures.replay import cell_replay, replay_page
+        from cislunar.figures.replay import cell_page
 
-        return {"": replay_page(cell_replay(cell, sun, seed=seed))}
+        return {"": cell_page(cell, sun, seed=seed)}
     dynamics = EPHEMERIS_COMMENTS if is_ephemeris(cell) else COMMENTS
     message: dict[str, Any] = {"created": created, "time_system": time_system}
     if ending in (".tdm", ".psv"):

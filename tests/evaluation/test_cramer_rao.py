@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from bound_problem import BRIGHT, UNEVEN, Problem, used_by
+from bound_problem import BRIGHT, Problem, used_by
 from measured import draw_truth, evaluate
 
-from cislunar.attitude.rigid_body import (
-    spherical_transition,
-)
+from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
@@ -20,11 +18,6 @@ from cislunar.tasking.truth import TruthModel
 @pytest.fixture(scope="module")
 def problem():
     return Problem()
-
-
-@pytest.fixture(scope="module")
-def tumbling():
-    return Problem(inertia=UNEVEN)
 
 
 # Closed forms.

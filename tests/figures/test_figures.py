@@ -104,7 +104,8 @@ def searched():
         )
         for s in scenarios
     }
-    runs = {s: {"tpe": [architecture(1e-6, [2, 3], history=history)] * 2} for s in scenarios}
+    run = architecture(1e-6, [2, 3], history=history)
+    runs = {s: {"tpe": {"index_0": run, "index_1": run}} for s in scenarios}
     coverage = pd.DataFrame(
         [("A", "tpe", 0.3), ("A", "tpe", 0.3), ("A", "exact", 0.4), ("Extra", "tpe", 0.2)],
         columns=["scenario", "optimizer", "union_coverage"],

@@ -52,14 +52,16 @@ def task2(*files):
 
 def test_paper_cells_are_chosen_from_the_full_configuration():
     settings = task2()
-    columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[20, 30, 50, 100]]
-    found = {c[:3] + c[4:] for column in columns for c in column}
-    assert found == {("A", "tpe", "mukf", settings["interval_minutes"], "")}
+    counts = target_count_cells(settings, "tpe")
+    assert [c.targets for c in counts] == [20, 30, 50, 100]
+    assert {c[:3] + c[4:] for c in counts} == {
+        ("A", "tpe", "mukf", settings["interval_minutes"], "")
+    }
     assert selected_cell(settings, "published") == [Cell("A", "published", "mukf", 20, 60)]
     intervals = interval_cells(settings, "tpe")
-    assert [(c[0].scenario, c[0].targets) for c in intervals] == [("A", 20), ("B", 33)]
-    assert [c.interval_minutes for c in intervals[0]] == [30, 60, 120, 180, 240]
+    assert [(c.scenario, c.targets, c.interval_minutes) for c in intervals] == [
+        (*place, minutes) for place in (("A", 20), ("B", 33)) for minutes in (30, 60, 120, 180, 240)
+    ]
     load = high_load_cells(settings, "tpe")
     assert [(c.scenario, c.targets, c.interval_minutes) for c in load] == [
         ("A", 50, minutes) for minutes in (30, 60, 120, 180, 240)
@@ -69,9 +71,7 @@ def test_paper_cells_are_chosen_from_the_full_configuration():
 
 def test_small_configuration_has_its_own_cells():
     settings = task2("quick.yaml")
-    assert [[c.targets for c in column] for column in target_count_cells(settings, "tpe")] == [
-        [20, 30]
-    ]
+    assert [c.targets for c in target_count_cells(settings, "tpe")] == [20, 30]
     assert {c.targets for c in high_load_cells(settings, "tpe")} == {20}
     variants = tasking_variants(settings)
     assert variants == {"": "exact", "tpe": "tpe-compiled", "greedy": "greedy"}
@@ -81,8 +81,7 @@ def test_small_configuration_has_its_own_cells():
 def test_other_counts_and_missing_cells():
     settings = task2()
     settings["target_counts"] = {"C": [90, 45, 60, 70, 80]}
-    columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[45, 60, 70, 90]]
+    assert [c.targets for c in target_count_cells(settings, "tpe")] == [45, 60, 70, 90]
     settings["intervals"]["target_counts"] = {"A": [], "B": []}
     assert interval_cells(settings, "tpe") == high_load_cells(settings, "tpe") == []
     assert target_count_cells(settings, "unheard-of") == []

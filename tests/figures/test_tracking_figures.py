@@ -25,7 +25,6 @@ from cislunar.figures.tracking.errors import (
 from cislunar.figures.tracking.heatmap_colors import scales
 from cislunar.figures.tracking.heatmaps import (
     block_rows,
-    high_load_figure,
     intervals_figure,
     target_counts_figure,
 )
@@ -80,7 +79,7 @@ def compared():
 
 VARIANTS = {"": "exact", "tpe": "tpe", "greedy": "greedy"}
 DRAW = {
-    "counts": lambda: target_counts_figure([cells("A", (6, 9, 12, 30))]),
+    "counts": lambda: target_counts_figure([*cells("A", (6, 9, 12, 30)).items()]),
     "representative": lambda: representative_target_figure(cells("A", (12,), (30, 240))),
     "interval": lambda: against_interval_figure(summary_of_cells()),
 }
@@ -97,9 +96,11 @@ def figures(summary, compared):
     return {
         "counts": DRAW["counts"](),
         "selected": selected_targets_figure(*next(iter(cells("A", (6,)).items()))),
-        "intervals": intervals_figure([cells("A", (6,), (30, 60, 240)), cells("B", (9,), (30,))]),
+        "intervals": intervals_figure(
+            [*(cells("A", (6,), (30, 60, 240)) | cells("B", (9,), (30,))).items()]
+        ),
         "components": components_figure(*next(iter(cells("A", (6,)).items()))),
-        "load": high_load_figure([cells("A", (12,), (30, 60, 240))]),
+        "load": intervals_figure([*cells("A", (12,), (30, 60, 240)).items()], ["anees", "rmse"]),
         "representative": DRAW["representative"](),
         "targets": against_targets_figure(summary),
         "interval": DRAW["interval"](),

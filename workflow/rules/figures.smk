@@ -3,7 +3,12 @@ LIBRARY_SCENARIO = min(
     SCENARIOS,
     key=lambda name: abs(config["scenarios"][name].get("targets", 0) - PAPER_TARGETS),
 )
-RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
+SEARCH_RUNS = {
+    "scenario": SCENARIOS,
+    "method": [method for method in OPTIMIZERS if method in SEARCHES],
+    "labels": ARCHITECTURE["labels"],
+    "run": RUNS,
+}
 
 
 use rule result as facet_geometry_figure with:
@@ -111,14 +116,10 @@ use rule facet_geometry_figure as objectives_figure with:
         "Drawing the fronts by objective"
 
 
-rule convergence_figure:
+use rule facet_geometry_figure as convergence_figure with:
     input:
         runs=expand(
-            results("architecture/{scenario}/runs/{method}_{labels}_{run}.nc"),
-            scenario=SCENARIOS,
-            method=RUN_METHODS,
-            labels=ARCHITECTURE["labels"],
-            run=RUNS,
+            results("architecture/{scenario}/runs/{method}_{labels}_{run}.nc"), **SEARCH_RUNS
         ),
         architectures=ARCHITECTURE_FILES,
     output:
@@ -126,12 +127,17 @@ rule convergence_figure:
     log:
         log_of("figures/convergence"),
         times=benchmark_of("convergence_figure"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        function="figures.search.convergence_figure",
+        labeled={
+            "runs": [
+                tuple(name.split("/"))
+                for name in expand("{scenario}/{method}/{labels}_{run}", **SEARCH_RUNS)
+            ],
+            "architectures": ARCHITECTURES,
+        },
     message:
         "Drawing the convergence of the optimizers"
-    script:
-        "../scripts/figure_convergence.py"
 
 
 use rule facet_geometry_figure as family_map_figure with:

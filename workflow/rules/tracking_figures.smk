@@ -17,8 +17,8 @@ from cislunar.figures.tracking.choice import (
 SHOWN = {
     f"_{name}" if number else "": name for number, name in enumerate(figure_architectures(TASK2))
 }
-COUNT_COLUMNS = {of: target_count_cells(TASK2, name) for of, name in SHOWN.items()}
-INTERVAL_COLUMNS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items()}
+COUNT_CELLS = {of: target_count_cells(TASK2, name) for of, name in SHOWN.items()}
+INTERVAL_CELLS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items()}
 SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
 LEARNED = learned_cell(TASK2)
 CHARACTERIZED = characterized_cells(TASK2)
@@ -36,25 +36,20 @@ wildcard_constraints:
     of=f"(?:{'|'.join(SHOWN)})",
 
 
-rule target_counts_figure:
+use rule result as target_counts_figure with:
     input:
-        lambda wildcards: [
-            results(cell.path) for column in COUNT_COLUMNS[wildcards.of] for cell in column
-        ],
+        cells=lambda wildcards: [results(cell.path) for cell in COUNT_CELLS[wildcards.of]],
     output:
         **figure_files("fig05_target_counts{of}", "target_counts"),
     log:
         log_of("figures/target_counts{of}"),
         times=benchmark_of("target_counts_figure/figure{of}"),
-    conda:
-        "../envs/cislunar.yaml"
     params:
-        along="targets",
-        columns=lambda wildcards: [list(map(tuple, c)) for c in COUNT_COLUMNS[wildcards.of]],
+        function="figures.tracking.target_counts_figure",
+        metrics=True,
+        cells=lambda wildcards: list(map(tuple, COUNT_CELLS[wildcards.of])),
     message:
         "Drawing every target by number of targets"
-    script:
-        "../scripts/figure_heat_maps.py"
 
 
 use rule result as selected_targets_figure with:
@@ -84,34 +79,35 @@ use rule selected_targets_figure as components_figure with:
         "Drawing the errors of a few targets by component"
 
 
-use rule target_counts_figure as intervals_figure with:
+use rule result as intervals_figure with:
     input:
-        lambda wildcards: [
-            results(cell.path) for column in INTERVAL_COLUMNS[wildcards.of] for cell in column
-        ],
+        cells=lambda wildcards: [results(cell.path) for cell in INTERVAL_CELLS[wildcards.of]],
     output:
         **figure_files("fig07_intervals{of}", "intervals"),
     log:
         log_of("figures/intervals{of}"),
         times=benchmark_of("intervals_figure/figure{of}"),
     params:
-        along="interval",
-        columns=lambda wildcards: [list(map(tuple, c)) for c in INTERVAL_COLUMNS[wildcards.of]],
+        function="figures.tracking.intervals_figure",
+        metrics=True,
+        cells=lambda wildcards: list(map(tuple, INTERVAL_CELLS[wildcards.of])),
     message:
         "Drawing every target by tasking interval"
 
 
-use rule target_counts_figure as high_load_figure with:
+use rule result as high_load_figure with:
     input:
-        lambda wildcards: [results(cell.path) for cell in HIGH_LOAD[wildcards.of]],
+        cells=lambda wildcards: [results(cell.path) for cell in HIGH_LOAD[wildcards.of]],
     output:
         **figure_files("fig08_intervals_high_load{of}", "intervals_high_load"),
     log:
         log_of("figures/intervals_high_load{of}"),
         times=benchmark_of("high_load_figure/figure{of}"),
     params:
-        along="high load",
-        columns=lambda wildcards: [list(map(tuple, HIGH_LOAD[wildcards.of]))],
+        function="figures.tracking.intervals_figure",
+        measures=["anees", "rmse"],
+        metrics=True,
+        cells=lambda wildcards: list(map(tuple, HIGH_LOAD[wildcards.of])),
     message:
         "Drawing every target by tasking interval, more targets than observers"
 
@@ -265,9 +261,9 @@ use rule result as learned_figure with:
         "Drawing the body parameters learned from light curves"
 
 
-rule replay_page:
+use rule result as replay_page with:
     input:
-        cell=[results(f"replay/{REPLAYED.name}.nc")] if REPLAYED else [],
+        cell=results(f"replay/{REPLAYED.name}.nc") if REPLAYED else [],
         orbits=orbits_file(REPLAYED.architecture) if REPLAYED else [],
         sun=shared("ephemeris/sun", REPLAYED.scenario) if REPLAYED else [],
     output:
@@ -279,22 +275,20 @@ rule replay_page:
     log:
         log_of("figures/replay_page"),
         times=benchmark_of("replay_page"),
-    conda:
-        "../envs/cislunar.yaml"
+    params:
+        function="figures.replay.cell_page",
     message:
         "Writing the replay of a cell"
-    script:
-        "../scripts/figure_replay.py"
 
 
 rule paper_tracking_figures:
     input:
-        expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
+        expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_CELLS[of]]),
         expand(
             rules.selected_targets_figure.output + rules.components_figure.output,
             of=[of for of in SHOWN if ERRORS_KEPT and SELECTED_CELL[of]],
         ),
-        expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_COLUMNS[of]]),
+        expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_CELLS[of]]),
         expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
         expand(
             rules.representative_target_figure.output,
@@ -306,9 +300,9 @@ rule tracking_figures:
     input:
         rules.paper_tracking_figures.input,
         rules.against_targets_figure.output if CELLS else [],
-        rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
+        rules.against_interval_figure.output if any(INTERVAL_CELLS.values()) else [],
         rules.estimators_against_targets_figure.output if CELLS else [],
-        (rules.estimators_against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else []),
+        (rules.estimators_against_interval_figure.output if any(INTERVAL_CELLS.values()) else []),
         rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if plotted_errors(TASK2) else [],
         rules.learned_figure.output if LEARNED else [],

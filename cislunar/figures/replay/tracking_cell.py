@@ -18,7 +18,13 @@ from cislunar.campaign.tracking.records import (
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.exchange.observations import observation_dates
-from cislunar.figures.replay.page import Replay, ReplayDetections, ReplayFact, ReplayManeuver
+from cislunar.figures.replay.page import (
+    Replay,
+    ReplayDetections,
+    ReplayFact,
+    ReplayManeuver,
+    replay_page,
+)
 from cislunar.observation import sensors_of, unit_vectors
 from cislunar.runtime import Array
 
@@ -31,6 +37,13 @@ _FIELD_KM = 100_000.0
 
 _DEG_H = float(np.rad2deg(3600.0))
 _STATUSES = {"track_status": "track", "attitude_status": "attitude"}
+
+
+def cell_page(
+    cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0, orbits: xr.Dataset | None = None
+) -> str:
+    """HTML of the replay of a realization; for the arguments see `cell_replay`."""
+    return replay_page(cell_replay(cell, sun, seed=seed, orbits=orbits))
 
 
 def cell_replay(

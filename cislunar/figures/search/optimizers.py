@@ -144,15 +144,15 @@ def _legend(figure: Figure, handles: Sequence) -> None:
 
 @style.house_style()
 def convergence_figure(
-    runs: Mapping[str, Mapping[str, Sequence[xr.Dataset]]],
+    runs: Mapping[str, Mapping[str, Mapping[str, xr.Dataset]]],
     architectures: Mapping[str, Mapping[str, xr.Dataset]],
 ) -> Figure:
     """Draw the best J so far against the evaluations of every optimizer, a panel per scenario.
 
     Several runs of a search are drawn by their median and range; a run that has stopped keeps its
     last value. Triangles mark where the early stop ends a run. The data are
-    ``architecture/{scenario}/runs/*.nc`` by scenario and method, and ``{optimizer}.nc`` by scenario
-    and optimizer.
+    ``architecture/{scenario}/runs/*.nc`` by scenario, method and run, and ``{optimizer}.nc`` by
+    scenario and optimizer.
     """
     row_in = 2.95
     grid, figure = _layout(len(architectures), row_in - 0.7, row_in, 0.62)
@@ -163,7 +163,7 @@ def convergence_figure(
         for optimizer, architecture in found.items():
             if optimizer in runs.get(scenario, {}):
                 stops = architecture["run_evaluations"].values
-                _spread(axes, optimizer, runs[scenario][optimizer], stops)
+                _spread(axes, optimizer, [*runs[scenario][optimizer].values()], stops)
             elif optimizer == "published":
                 level = style.optimizer_style(optimizer).line_kwargs()
                 axes.axhline(float(architecture["J"]), linewidth=1.2, zorder=2, **level)

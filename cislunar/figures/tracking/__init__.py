@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "choice": ["characterized_cells", "figure_architectures", "high_load_cells", "interval_cells",
         "learned_cell", "selected_cell", "target_count_cells", "tasking_variants"],
     "errors": ["components_figure", "error_norms_figure", "selected_targets_figure"],
-    "heatmaps": ["high_load_figure", "intervals_figure", "target_counts_figure"],
+    "heatmaps": ["intervals_figure", "target_counts_figure"],
     "learned": ["characterization_figure", "learned_figure"],
     "model_error": ["model_error_figure"],
     "pooled": ["pooled_figure"],

@@ -42,15 +42,14 @@ def _by_targets(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
     return sorted(found, key=lambda cell: cell.targets)
 
 
-def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps in one group by rising number of targets; no group without cells.
+def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
+    """Cells of the heat maps by rising number of targets.
 
     They are the paper's; if there are none, the three with the fewest targets and the one with the
     most. `task2` is the configuration key.
     """
     cells = _by_targets(task2, architecture)
-    chosen = [c for c in cells if c.targets in PAPER_COUNTS] or [*cells[:3], *cells[3:][-1:]]
-    return [chosen] if chosen else []
+    return [c for c in cells if c.targets in PAPER_COUNTS] or [*cells[:3], *cells[3:][-1:]]
 
 
 def selected_cell(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
@@ -76,9 +75,10 @@ def _by_interval(task2: Mapping[str, Any], architecture: str) -> dict[str, dict[
     return found
 
 
-def interval_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
+def interval_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
     """Cells of the heat maps by interval: those with the fewest targets of each scenario."""
-    return [found[min(found)] for found in _by_interval(task2, architecture).values()]
+    groups = _by_interval(task2, architecture).values()
+    return [cell for found in groups for cell in found[min(found)]]
 
 
 def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:

@@ -232,43 +232,33 @@ def _name_rows(figure: Figure, group: _Group, corner: tuple[float, float]) -> No
 
 
 @style.house_style()
-def target_counts_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
+def target_counts_figure(cells: Sequence[tuple[Cell, xr.Dataset]]) -> Figure:
     """Time outside 3 sigma, ANEES and RMSE of every target, in blocks by number of targets.
 
-    `columns` are the cells of every group, without time histories, here and in the figures below.
+    The data sets of the `cells` have no time histories, here and in the figure below.
     """
-    cell, data = next(iter(columns[0].items()))
+    cell, data = cells[0]
     title = (
         f"{labels.observers_text(cell, data)}, tasking every "
         f"{labels.interval_text(cell.interval_minutes)}; {labels.realization_text(data)}\n"
         "Blocks: number of targets"
     )
-    groups = [("", {f"{c.targets}": d for c, d in cells.items()}) for cells in columns]
-    return _heat_maps(groups, list(MEASURES), title)
+    return _heat_maps([("", {f"{c.targets}": d for c, d in cells})], list(MEASURES), title)
 
 
 @style.house_style()
-def intervals_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
-    """Time outside 3 sigma, ANEES and RMSE of every target, in blocks by tasking interval."""
-    return _by_interval(columns, list(MEASURES))
-
-
-@style.house_style()
-def high_load_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
-    """ANEES and RMSE of every target, in blocks by tasking interval (Paul & Fan, figure 8)."""
-    return _by_interval(columns, ["anees", "rmse"])
-
-
-def _by_interval(columns: Sequence[Mapping[Cell, xr.Dataset]], measures: Sequence[str]) -> Figure:
-    """Measures of every target, a group for each column of cells."""
-    groups = []
-    for cells in columns:
-        cell, data = next(iter(cells.items()))
+def intervals_figure(
+    cells: Sequence[tuple[Cell, xr.Dataset]], measures: Sequence[str] = tuple(MEASURES)
+) -> Figure:
+    """Measures of every target (keys of `MEASURES`), a group for each scenario and number of
+    targets, in blocks by tasking interval (Paul & Fan, figures 7 and 8)."""
+    groups: dict[tuple[str, int], tuple[str, dict[str, xr.Dataset]]] = {}
+    for cell, data in cells:
         heading = f"{labels.observers_text(cell, data, architecture=False)}, {cell.targets} targets"
-        blocks = {labels.interval_text(c.interval_minutes): d for c, d in cells.items()}
-        groups.append((heading, blocks))
-    cell, data = next(iter(columns[0].items()))
+        _, blocks = groups.setdefault((cell.scenario, cell.targets), (heading, {}))
+        blocks[labels.interval_text(cell.interval_minutes)] = data
+    cell, data = cells[0]
     architecture = labels.architecture_label(cell.architecture)
     title = f"Architecture: {architecture}; {labels.realization_text(data)}\n"
     title += "Blocks: tasking interval"
-    return _heat_maps(groups, measures, title)
+    return _heat_maps(list(groups.values()), measures, title)
