@@ -1,7 +1,8 @@
 """Errors that a user can resolve: each message names the fault, its location and the remedy."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class CislunarError(Exception):
@@ -18,6 +19,20 @@ class InputFileError(CislunarError, ValueError):
 
 class ConvergenceError(CislunarError, RuntimeError):
     """An iteration (corrector, continuation) did not reach its tolerance."""
+
+
+@contextmanager
+def placed(
+    place: str,
+    caught: type[CislunarError] = CislunarError,
+    raised: type[CislunarError] | None = None,
+) -> Iterator[None]:
+    """Put a place before the message of an error of the class `caught`, which is raised again as
+    `raised` or else as what it is."""
+    try:
+        yield
+    except caught as error:
+        raise (raised or type(error))(f"{place}: {error}") from None
 
 
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.objective import IMPROVES, Objective, first_best
 from cislunar.errors import ConfigurationError
+from cislunar.runtime import counted
 from cislunar.runtime.arguments import count_of, require_kind
 
 
@@ -244,7 +245,7 @@ def coordinate_search(
         raise ConfigurationError("restarts = 0 and no start given: set restarts to at least 1")
     best, values, histories = None, [], []
     size = objective.n_orbits, objective.max_satellites
-    for run in range(n_runs):
+    for run in counted(range(n_runs), progress):
         start = starts[run] if run < len(starts) else random_start(*size, n_slots, rng, total)
         climb = _Climb(objective, *start)
         climb.free() if total is None else climb.prescribed()
@@ -252,8 +253,6 @@ def coordinate_search(
         histories.append(np.array(climb.history, dtype=np.float64))
         if best is None or climb.value > best.value * IMPROVES:
             best = climb
-        if progress is not None:
-            progress(run + 1, n_runs)
     order = np.argsort(best.orbit, kind="stable")
     orbit, satellites = best.orbit[order], best.satellites[order]
     value = objective.value(orbit, satellites)
@@ -297,15 +296,13 @@ def satellite_front(
     for total in totals:
         _check(objective, n_slots, total)
     results: list[MultiStartResult] = []
-    for done, total in enumerate(totals):
+    for total in counted(totals, progress):
         starts = [_resized(objective, results[-1], total)] if results else []
         results.append(
             coordinate_search(
                 objective, rng, n_slots=n_slots, restarts=restarts, total=total, starts=starts
             )
         )
-        if progress is not None:
-            progress(done + 1, len(totals))
     return results
 
 

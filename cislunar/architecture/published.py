@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.architecture.result import SearchResult
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import count_of
+from cislunar.runtime import count_of, counted
 
 PUBLISHED: dict[str, tuple[tuple[str, int], ...]] = {
     "A": (
@@ -124,7 +124,7 @@ def choose_members(
         history.append(value)
         return value
 
-    for restart in range(restarts):
+    for _ in counted(range(restarts), progress):
         orbit = _random_members(slots, members, rng)
         best = judge(orbit)
         improved = True
@@ -139,8 +139,6 @@ def choose_members(
                     value = judge(trial)
                     if value > best * IMPROVES:
                         orbit, best, improved = trial, value, True
-        if progress is not None:
-            progress(restart + 1, restarts)
     return SearchResult.from_trials(objective, tried, history, keep_slots=True)
 
 

@@ -36,6 +36,7 @@ from cislunar.orbit_determination import (
     OrbitFits,
     TrackletSettings,
 )
+from cislunar.runtime import counted
 from cislunar.runtime.arguments import Array, require_choice
 from cislunar.runtime.netcdf import write_text
 from cislunar.survey import LineageSettings, SurveyCatalog
@@ -135,10 +136,8 @@ def write_reference(
         else NearestNeighborCatalog(scenario, forces)
     )
     replay = _Replay(catalog, scenario, public, forces)
-    for number in range(scenario.scoring_tdb.size):
+    for number in counted(range(scenario.scoring_tdb.size), progress):
         replay.advance(number)
-        if progress is not None:
-            progress(number + 1, scenario.scoring_tdb.size)
     replay.write(target, method)
 
 

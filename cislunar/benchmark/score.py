@@ -30,7 +30,7 @@ from cislunar.detection import FALSE_ALARM
 from cislunar.errors import InputFileError
 from cislunar.evaluation import Custody, catalog_quality
 from cislunar.evaluation.gospa import Gospa, gospa
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Indices, counted
 
 CUTOFF_KM = 100.0
 """Distance from which on a catalog object is none of an object's."""
@@ -84,12 +84,10 @@ def score_submission(
     given = read_submission(submission, scenario)
     public, truth = read_public_data(folder, scenario), read_truth(folder)
     rows, pairs = [], None
-    epochs = scenario.scoring_tdb.tolist()
-    for number, (epoch, states) in enumerate(zip(epochs, given.states, strict=True)):
+    epochs = [*zip(scenario.scoring_tdb.tolist(), given.states, strict=True)]
+    for epoch, states in counted(epochs, progress):
         row, pairs = _at_epoch(epoch, states, public, truth, scenario)
         rows.append(row)
-        if progress is not None:
-            progress(number + 1, len(epochs))
     rows[-1] |= _of_assignments(submission, given, truth)
     rows[-1] |= _latency(given, pairs, public, truth)
     return pd.DataFrame(rows, columns=list(SCORE_COLUMNS))

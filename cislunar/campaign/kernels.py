@@ -27,9 +27,11 @@ def _track_ephemeris(estimator: str, assumed: Literal["ephemeris", "cr3bp"]) -> 
     """An estimator with ephemeris truth and either assumed model; a refined orbit."""
     import numpy as np
 
+    from cislunar.campaign.data import forces_of
     from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
     from cislunar.campaign.tracking import ephemeris_inputs
     from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.dynamics import inertial_states
     from cislunar.ephemeris.bodies import tabulate_bodies
     from cislunar.tasking.closed_loop import ClosedLoop
     from cislunar.tasking.demonstration import tracking_problem
@@ -46,11 +48,10 @@ def _track_ephemeris(estimator: str, assumed: Literal["ephemeris", "cr3bp"]) -> 
         ephemeris, dynamics, *observed, problem.loop.elapsed_s
     )
     scene = ephemeris_inputs.ephemeris_scene(ephemeris, tracks, problem.loop)
-    placed, low_lunar = ephemeris_inputs.ephemeris_states(ephemeris, problem.epoch)
+    placed, low_lunar = inertial_states(problem.epoch, ephemeris.table, ephemeris.start)
     surfaces, noise = problem.surfaces, problem.loop.sensor.noise
-    truth = TruthModel(
-        surfaces, noise, np.zeros(3), ephemeris_inputs.true_forces(ephemeris, dynamics)
-    )
+    forces = forces_of(ephemeris.table, ephemeris.start, dynamics)
+    truth = TruthModel(surfaces, noise, np.zeros(3), forces)
     forces = ephemeris_inputs.assumed_forces(ephemeris, settings, problem.loop, low_lunar)
     given = {"estimator": estimator, "truth": truth, "forces": forces}
     for _ in ClosedLoop(scene, surfaces, placed, problem.ids, [1], problem.loop, **given).pieces():

@@ -23,7 +23,7 @@ from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.frames import BARYCENTER
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import sample_ephemeris
-from cislunar.errors import CislunarError
+from cislunar.errors import placed
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.exchange.table_rows import check_state
@@ -117,11 +117,9 @@ def rotating_state_at(place: str, segments: Sequence[Segment], epoch: Epoch) -> 
         If the segments do not cover the epoch, or the state or the center is impossible; the
         message begins with `place`.
     """
-    try:
+    with placed(place):
         state, center = state_at(segments, epoch.tdb_s)
         found = rotating_states(state[None], [0.0], epoch, center)[0]
-    except CislunarError as error:
-        raise type(error)(f"{place}: {error}") from error
     check_state(f"{place}, object {segments[0].name!r}", _MESSAGE, found, "km")
     return found
 

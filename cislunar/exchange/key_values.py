@@ -22,7 +22,7 @@ from cislunar.ephemeris.time_scales import (
     tdb_after,
     tdb_to_clock,
 )
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import ConfigurationError, InputFileError, placed
 from cislunar.exchange.table_rows import read_number
 from cislunar.runtime.arguments import Array, array_of, require_path
 
@@ -213,10 +213,8 @@ def read_date(place: str, text: str, system: str, zero_tdb_s: float | None = Non
     `zero_tdb_s` if that is given."""
     if zero_tdb_s is not None and re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?", text):
         return float(tdb_after(zero_tdb_s, read_number(place, text)))
-    try:
+    with placed(place, ConfigurationError, InputFileError):
         return float(clock_to_tdb(clock_seconds(text), system))
-    except ConfigurationError as error:
-        raise InputFileError(f"{place}: {error}") from error
 
 
 def timed_rows(

@@ -26,7 +26,7 @@ from typing import Annotated
 from pydantic import Field, PrivateAttr
 
 from cislunar.attitude.inertia import inertia_matrix
-from cislunar.errors import CislunarError, InputFileError
+from cislunar.errors import CislunarError, InputFileError, placed
 from cislunar.exchange.table_rows import named_rows, row_names
 from cislunar.photometry.materials import Material, group_materials, material_rows
 from cislunar.photometry.mesh_files import load_mesh
@@ -172,10 +172,8 @@ def _inertia_of_row(place: str, row: dict[str, str]) -> tuple[float, float, floa
         if (x, y, z) != (None, None, None):
             raise InputFileError(f"{place}: give all of {', '.join(columns)}, or none")
         return None
-    try:
+    with placed(place, raised=InputFileError):
         inertia_matrix([x, y, z])
-    except CislunarError as error:
-        raise InputFileError(f"{place}: {error}") from None
     return x, y, z
 
 

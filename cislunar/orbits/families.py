@@ -16,7 +16,7 @@ from cislunar.orbits.continuation import Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.stability import stability_index
-from cislunar.runtime import Array, count_of, number_of, require_kind
+from cislunar.runtime import Array, count_of, counted, number_of, require_kind
 
 FAMILIES: tuple[str, ...] = (
     "Butterfly_N",
@@ -148,13 +148,11 @@ def orbit_set(
     """Table of corrected members with their stability and closest approaches; their states are
     multiplied by `mirror` (6,). `progress` is called with (members done, members)."""
     rows = []
-    for done, member in enumerate(members, start=1):
+    for member in counted(members, progress):
         state, period = member.half.state, member.half.period
         perigee, perilune = distances_km(member.half, mu)
         index = stability_index(state, period, mu)
         rows.append((period, float(jacobi_constant(state, mu)), index, perilune, perigee))
-        if progress is not None:
-            progress(done, len(members))
     columns = np.array(rows).reshape(-1, 5).T
     states = np.array([member.half.state for member in members]).reshape(-1, 6)
     if mirror is not None:

@@ -24,7 +24,7 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.dynamics import closest_approaches, jacobi_constant, propagate_periodic
-from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError
+from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError, placed
 from cislunar.exchange.table_rows import (
     OWN_FAMILY,
     PERIOD,
@@ -43,7 +43,7 @@ from cislunar.exchange.table_rows import (
 from cislunar.orbits.catalog import family_named, periodic_orbits
 from cislunar.orbits.families import OrbitSet, concatenate
 from cislunar.orbits.stability import stability_index
-from cislunar.runtime import Array
+from cislunar.runtime import Array, counted
 
 _DAYS = TIME_UNIT_S / SECONDS_PER_DAY
 _JACOBI: Columns = (("jacobi",), 1.0)
@@ -151,10 +151,8 @@ def _check_orbit(observer: Observer, row: Row) -> None:
             f"{place}: phase = {row['phase']} must be within 0 .. 1, a share of the period"
         )
     if observer.state is None:
-        try:
+        with placed(place, ConfigurationError, InputFileError):
             family_named(observer.family)
-        except ConfigurationError as error:
-            raise InputFileError(f"{place}: {error}") from None
         if bool(row.get("jacobi")) == (observer.period > 0.0):
             raise InputFileError(
                 f"{place}: give one of jacobi and period_days (or period), which chooses the "
@@ -195,7 +193,7 @@ def observer_orbits(
         orbit with a period is not closed; the message names file, row and observer.
     """
     found = []
-    for done, observer in enumerate(observers, start=1):
+    for observer in counted(observers, progress):
         try:
             orbit = _member(observer) if observer.state is None else _given(observer, days)
         except ConvergenceError as error:
@@ -203,8 +201,6 @@ def observer_orbits(
                 f"{observer.place}: its orbit cannot be followed ({error}); it may meet a body"
             ) from error
         found.append(_at_phase(orbit, observer.phase))
-        if progress is not None:
-            progress(done, len(observers))
     return concatenate(found)
 
 
@@ -213,10 +209,8 @@ def _member(observer: Observer) -> OrbitSet:
     place, family = observer.place, observer.family
     quantity = "period" if observer.period else "jacobi"
     value = getattr(observer, quantity)
-    try:
+    with placed(place, ConfigurationError, InputFileError):
         found = periodic_orbits(family, clear=False, **{quantity: value})
-    except ConfigurationError as error:
-        raise InputFileError(f"{place}: {error}") from None
     if len(found.period) == 1:
         _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
         return found

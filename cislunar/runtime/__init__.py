@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "kernels": ["KernelSet", "compile_kernels", "drop_stale_kernels"],
     "netcdf": ["Later", "growing_dataset", "read_dataset", "variable", "whole_file",
         "write_dataset", "write_text"],
-    "progress": ["Progress", "each", "logger", "on_terminal", "progress_log"],
+    "progress": ["Progress", "counted", "each", "logger", "on_terminal", "progress_log"],
     "seeds": ["generator"],
     "settings_fields": ["Angle", "Count", "Flag", "MOST_STEPS", "NotNegative", "Number", "Partial",
         "Positive", "Section", "Text", "Three", "ThreePositive", "is_multiple", "number", "partial",

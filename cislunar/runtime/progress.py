@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any, TypeVar
 
@@ -68,12 +68,17 @@ def progress_log(name: str, interval_s: float = 5.0, *, work_s: Callable[[], flo
     return report
 
 
-def each(items: Sequence[_Item], name: str) -> Iterator[_Item]:
-    """Iterate over items and log the progress after each."""
-    progress = progress_log(name)
+def counted(items: Collection[_Item], progress: Progress | None) -> Iterator[_Item]:
+    """Iterate over items; `progress`, if any, is called after each with (done, all)."""
     for done, item in enumerate(items, start=1):
         yield item
-        progress(done, len(items))
+        if progress is not None:
+            progress(done, len(items))
+
+
+def each(items: Collection[_Item], name: str) -> Iterator[_Item]:
+    """Iterate over items and log the progress after each."""
+    return counted(items, progress_log(name))
 
 
 @contextmanager

@@ -6,14 +6,10 @@ import numpy as np
 
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.tracking.cell import Placement, scene_times
-from cislunar.campaign.tracking.ephemeris_inputs import (
-    CellEphemeris,
-    ephemeris_states,
-    observer_tracks,
-)
+from cislunar.campaign.tracking.ephemeris_inputs import CellEphemeris, observer_tracks
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import BARYCENTER, recenter
-from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
+from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, is_low_lunar
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.exchange.inertial import (
     Epoch,
@@ -127,7 +123,7 @@ def _initial(
     if ephemeris is None:
         return target.state, False
     if not target.segments:
-        state, low = ephemeris_states(ephemeris, target.state[None])
+        state, low = inertial_states(target.state[None], ephemeris.table, ephemeris.start)
         return state[0], bool(low[0])
     found = _state_at(target.segments, epoch.tdb_s, 0.0, epoch, ephemeris)
     return found, bool(is_low_lunar(target.state[None])[0])

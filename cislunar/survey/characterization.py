@@ -21,7 +21,7 @@ from cislunar.estimation.light_curves.model_selection import (
 )
 from cislunar.observation import METERS, Scene, TargetSurfaces, dimming
 from cislunar.orbit_determination import Angles, LinkedOrbits
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Indices, counted
 from cislunar.runtime.seeds import generator
 from cislunar.survey.hand_over import uniform_attitude_sigma
 from cislunar.survey.settings import CharacterizationSettings
@@ -96,7 +96,7 @@ def characterize_orbits(
     rate = settings.angular_velocity_sigma_deg_h
     model, found = unknown_rotation_model(body, uniform_attitude_sigma(), rate), []
     confirmed = np.flatnonzero(orbits.confirmed).tolist()
-    for done, k in enumerate(confirmed, start=1):
+    for k in counted(confirmed, progress):
         row, data = light_curve(orbits, k, angles, scene)
         noise = float(np.sqrt(np.median(angles.magnitude_variance[row]))) if row.size else np.inf
         if row.size >= settings.least_detections and noise <= settings.largest_noise_mag:
@@ -107,8 +107,6 @@ def characterize_orbits(
             )  # fmt: skip
             brightness = measured_brightness(data, model.irradiance_4pi, rng)
             found.append(CharacterizedOrbit(k, row, data, noise, *period, *brightness))
-        if progress is not None:
-            progress(done, len(confirmed))
     return tuple(found)
 
 

@@ -28,6 +28,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, Sensors, TargetSurfaces, sensor_limits, unit_vectors
 from cislunar.orbit_determination import AdmissibleRegion, Angles, LinkingSettings, is_admissible
+from cislunar.runtime import counted
 from cislunar.runtime.arguments import Array, Indices, array_of
 from cislunar.runtime.seeds import generator
 from cislunar.runtime.settings_fields import setting
@@ -135,10 +136,8 @@ def run_survey(
         scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside, record,
         appears_hours, eclipse, errors, body,
     )  # fmt: skip
-    for block in range(survey.n_blocks):
+    for block in counted(range(survey.n_blocks), progress):
         survey.advance(block)
-        if progress is not None:
-            progress(block + 1, survey.n_blocks)
     return survey.result(progress)
 
 

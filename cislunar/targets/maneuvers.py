@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from cislunar.constants import MU
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, burn_times
 from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
-from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
+from cislunar.errors import ConfigurationError, InputFileError, did_you_mean, placed
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
 from cislunar.runtime import Array, count_of, number_of
 from cislunar.targets.maneuver_model import DrawnManeuvers
@@ -255,11 +255,9 @@ def _start_s(place: str, row: Mapping[str, str], start_tdb_s: float | None) -> f
         return 3600.0 * row_numbers(place, row, (("time_hours",), 1.0))[0]
     if start_tdb_s is None:
         raise InputFileError(f"{place}: a date needs the start of the run; use time_hours")
-    try:
+    with placed(place, ConfigurationError, InputFileError):
         # to the millisecond: seconds past J2000 are rounded to about a microsecond
         return round(float(tdb_since(start_tdb_s, tdb_seconds(row["time_utc"]))), 3)
-    except ConfigurationError as error:
-        raise InputFileError(f"{place}: {error}") from None
 
 
 def draw_maneuvers(

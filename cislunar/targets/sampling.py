@@ -43,7 +43,7 @@ from pydantic import AfterValidator, Field
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import libration_points, primary_distances
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Array, Section, array_of, number, setting, several, whole
+from cislunar.runtime import Array, Section, array_of, counted, number, setting, several, whole
 from cislunar.targets.zero_velocity import REGIONS, reachable
 
 CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
@@ -168,7 +168,7 @@ def sample_zero_velocity(
     """
     constants = array_of("jacobi", np.atleast_1d(array_of("jacobi", jacobi)), ("mission",))
     cache: dict[float, Array] = {}
-    for index, jc in enumerate(constants.tolist()):
+    for index, jc in counted([*enumerate(constants.tolist())], progress):
         if jc not in cache:
             cache[jc] = sample_region(jc, settings)
         if not len(cache[jc]):
@@ -177,8 +177,6 @@ def sample_zero_velocity(
                 f"targets: no point is sampled within the zero-velocity surface of {who} "
                 f"(JC = {jc}); add a center inside it, or refine angular_step_deg and the radii"
             )
-        if progress is not None:
-            progress(index + 1, len(constants))
     parts = [cache[jc] for jc in constants.tolist()]
     counts = [len(part) for part in parts]
     return _SampledPoints(

@@ -73,16 +73,6 @@ class TargetStates(NamedTuple):
         return len(self.name)
 
 
-class _TargetPositions(NamedTuple):
-    """Static targets: names and positions (target, 3), nondimensional, rotating frame."""
-
-    name: list[str]
-    position: Array
-
-    def __len__(self) -> int:
-        return len(self.name)
-
-
 def is_message(path: str | Path) -> bool:
     """Whether a file of moving targets is an OEM, whose states depend on the epoch."""
     require_path("path", path)
@@ -231,12 +221,12 @@ def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
     return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
 
 
-def load_target_positions(path: str | Path) -> _TargetPositions:
-    """Read and check a table of static targets, in which velocity columns are ignored. Positions
-    are nondimensional, in the rotating frame, and in the order of the file. For the errors see
-    `load_target_states`."""
+def load_target_positions(path: str | Path) -> tuple[list[str], Array]:
+    """Names and positions (target, 3) of static targets from a table, in which velocity columns are
+    ignored. Positions are nondimensional, in the rotating frame, and in the order of the file. For
+    the errors see `load_target_states`."""
     header, rows = named_rows(path, "target")
     position = quantity_columns(path, header, POSITION)
     names = row_names(rows, "target")
     found = [row_position(place, row, position) for place, row in rows]
-    return _TargetPositions(names, np.array(found))
+    return names, np.array(found)

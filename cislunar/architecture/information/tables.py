@@ -27,7 +27,7 @@ from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.observation import METERS, Sensor, TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.runtime import Array
+from cislunar.runtime import Array, counted
 from cislunar.runtime.arguments import array_of, count_of, indices_of, number_of
 from cislunar.visibility.tracks import satellite_tracks
 
@@ -205,8 +205,7 @@ def _tables(
 ) -> InformationTables:
     """Tables of all orbit slots; `add` takes window, track and matrices (target, attitude, 21)."""
     matrix = np.zeros((slots.orbit.size, *shape, PACKED))
-    used = np.unique(slots.orbit)
-    for number, orbit in enumerate(used, start=1):
+    for orbit in counted(np.unique(slots.orbit), progress):
         own = np.flatnonzero(slots.orbit == orbit)
         tracks = satellite_tracks(
             orbits.state[[orbit]], orbits.period[[orbit]], slots.phase[own], windows.times.ravel(),
@@ -215,8 +214,6 @@ def _tables(
         for slot, track in zip(own, tracks, strict=True):
             for w in range(shape[0]):
                 add(w, track[w], matrix[slot, w])
-        if progress is not None:
-            progress(number, used.size)
     items = matrix.reshape(len(matrix), -1, PACKED)
     return InformationTables(items, nuisance, shape, **slots._asdict())
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cislunar.architecture.information import InformationObjective, certify_information
 from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.objectives import ArchitectureInputs, candidate_slots
-from cislunar.runtime.progress import Progress
+from cislunar.runtime.progress import Progress, counted
 
 _DEFAULT_SLOTS = {"max_stability_index": 2.0, "phases": 10}
 """Orbits and phases, as designs have them by default."""
@@ -73,7 +73,7 @@ def generalization_rows(
 
     numbers, campaign = requested["satellites"], "the campaign's"
     rows, known = [], {number: found(number, all_of_them) for number in numbers}
-    for done, (judge, name) in enumerate(judges):
+    for judge, name in counted(judges, progress):
         own = inputs.tracked if name == "" else inputs.tracked.isel(target=classes[name])
         changes = {"target_seed": judge, "windows": requested["windows"]} if name == "" else {}
         by = objective(own, **changes)
@@ -95,6 +95,4 @@ def generalization_rows(
                     "information_nat": float(np.mean(information)),
                     "unseen_share": float(np.mean(information == 0.0)),
                 })  # fmt: skip
-        if progress is not None:
-            progress(done + 1, len(judges))
     return pd.DataFrame(rows)

@@ -17,7 +17,7 @@ from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import families_dataset, horizon, sun_at
 from cislunar.campaign.settings import Visibility, typed
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, placed
 from cislunar.orbits.station_keeping import station_keeping_m_s
 from cislunar.runtime import Progress, generator
 from cislunar.survey import DensityPrior, PriorSources, sample_prior, search_tables
@@ -101,10 +101,8 @@ def check_orbit_slots(config: Mapping[str, Any], objectives: Mapping[str, int]) 
     for key, number in objectives.items():
         kind, name = key.split(".")
         objective = search[kind][name]
-        try:
+        with placed(f"configuration key 'architecture.{key}'", ConfigurationError):
             found = candidate_slots(objective, orbits, search)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"configuration key 'architecture.{key}': {error}") from None
         available = found.orbit_slots.orbit.size
         if number > available:
             what = "satellites" if found.slots is None else "slots"

@@ -51,13 +51,13 @@ def objects_dataset(dim: str, objects: TargetStates) -> xr.Dataset:
 
 def own_static_dataset(path: str | Path, scenario: str) -> xr.Dataset:
     """``targets/static_{scenario}.nc`` of a table (`cislunar.targets.tables`) of static targets."""
-    targets = load_target_positions(path)
-    members = np.ones(len(targets), dtype=np.int64)
+    name, position = load_target_positions(path)
+    members = np.ones(len(name), dtype=np.int64)
     used = {"scenario": scenario, "static_targets": str(path)}
     return xr.Dataset(
         variables(
-            name=("target", targets.name, "1", "name of the target"),
-            position=(("target", "axis"), targets.position, "1", "nondimensional, rotating frame"),
+            name=("target", name, "1", "name of the target"),
+            position=(("target", "axis"), position, "1", "nondimensional, rotating frame"),
             members=("target", members, "1", "points the target stands for"),
         ),
         coords=variables(axis=("axis", list(AXES), "1", "axis of the rotating frame")),

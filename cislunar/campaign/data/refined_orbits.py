@@ -16,7 +16,7 @@ from cislunar.ephemeris.bodies import BODY_COLUMNS, BodyTable, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import reference_states, tracking_cost
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, path_states, refined_path
-from cislunar.runtime.progress import Progress, logger
+from cislunar.runtime.progress import Progress, counted, logger
 from cislunar.runtime.provenance import provenance
 from cislunar.visibility.phasing import distinct_phases
 
@@ -111,7 +111,8 @@ def refined_dataset(
     families, low = orbits["family"].values.astype(str), is_low_lunar(states)
     values = np.full((len(states), len(MEASURES)), np.nan)
     paths: list[RefinedPath | None] = []
-    for row, (state, period) in enumerate(zip(states, periods, strict=True)):
+    orbit_rows = [*enumerate(zip(states, periods, strict=True))]
+    for row, (state, period) in counted(orbit_rows, progress):
         path = None
         try:
             if not low[row]:
@@ -120,8 +121,6 @@ def refined_dataset(
         except ConvergenceError as error:
             logger.warning("warning: %s, row %d, is not refined: %s", families[row], row, error)
         paths.append(path)
-        if progress is not None:
-            progress(row + 1, len(states))
     (dim,) = orbits["period"].dims
     found = {
         name: (dim, values[:, column], unit, meaning)
@@ -171,13 +170,12 @@ def paths_dataset(
     phase, _ = distinct_phases(max_satellites)
     states, periods = orbits["state"].values, orbits["period"].values
     track = np.empty((len(states), phase.size, elapsed.size, 3))
-    for row, (state, period) in enumerate(zip(states, periods, strict=True)):
+    orbit_rows = [*enumerate(zip(states, periods, strict=True))]
+    for row, (state, period) in counted(orbit_rows, progress):
         name = f"{orbits['family'].values[row]}, row {row}"
         for k, ahead in enumerate(phase):
             flown = observer_states(forces, dynamics, state, period, ahead, elapsed, name)
             track[row, k] = from_inertial(flown * UNITS, frame)[:, :3]
-        if progress is not None:
-            progress(row + 1, len(states))
     frame_of = "nondimensional, rotating frame with the distance of Earth and Moon as unit"
     seen, length = from_inertial(sun, frame)[:, :3], frame.length / LENGTH_UNIT_KM
     return xr.Dataset(

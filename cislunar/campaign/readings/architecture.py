@@ -17,7 +17,7 @@ from cislunar.campaign.data.inputs import (
     zvs_points_dataset,
 )
 from cislunar.campaign.settings import merged, nested
-from cislunar.runtime import Progress, generator
+from cislunar.runtime import Progress, counted, generator
 
 _READINGS: dict[str, dict[str, Any]] = {
     "as configured": {},
@@ -72,7 +72,7 @@ def readings_table(
     """
     rows = []
     sampled: list[tuple[Mapping[str, Any], xr.Dataset]] = []
-    for done, (name, changes) in enumerate(_READINGS.items()):
+    for name, changes in counted(_READINGS.items(), progress):
         setting = dict(config)
         for key, value in changes.items():
             setting = merged(setting, nested(key, value))
@@ -107,6 +107,4 @@ def readings_table(
             )
             row["J_published"] = published.value
         rows.append(row)
-        if progress is not None:
-            progress(done + 1, len(_READINGS))
     return pd.DataFrame(rows)

@@ -30,7 +30,7 @@ from cislunar.campaign.settings.scenarios import (
 )
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.ephemeris import check_coverage, tdb_after, tdb_seconds
-from cislunar.errors import CislunarError, ConfigurationError, InputFileError
+from cislunar.errors import CislunarError, ConfigurationError, InputFileError, placed
 from cislunar.estimation.navigation.table import load_observer_errors
 from cislunar.observation.body_spec import BodySpec, load_body_table
 from cislunar.photometry.materials import REFLECTION_LAWS, Material
@@ -189,7 +189,8 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
         cell = typed(settings, CellSettings)
         reflection = cell.truth.reflection
         if reflection not in REFLECTION_LAWS and reflection not in seen:
-            _check_reflection(reflection, f"{place}truth.reflection")
+            with placed(f"configuration key '{place}truth.reflection'", InputFileError):
+                load_reflectance_table(reflection)
             seen.add(reflection)
         for key, of in (("body", cell), ("truth.body", true_settings(cell))):
             body, usual, table = of.body, of.material, of.body.table
@@ -215,12 +216,8 @@ def _check_maneuvers(
     """Refuse maneuvers outside of the run, a faulty table of maneuvers, and targets that the
     scenario does not have."""
     for number, kind in enumerate(cell.truth.maneuvers.drawn or ()):
-        try:
+        with placed(f"configuration key '{key}.drawn', entry {number}", ConfigurationError):
             kind.window(cell.duration_hours)
-        except ConfigurationError as error:
-            raise ConfigurationError(
-                f"configuration key '{key}.drawn', entry {number}: {error}"
-            ) from None
     path = cell.truth.maneuvers.table
     if path is None:
         return
@@ -229,14 +226,6 @@ def _check_maneuvers(
     table = load_maneuvers(path, cell.duration_hours, float(start))
     if scenario in config["scenarios"]:
         table.require_known(tracked_names(config, scenario), f"scenario {scenario}")
-
-
-def _check_reflection(path: str, key: str) -> None:
-    """Refuse a faulty table of a reflection law."""
-    try:
-        load_reflectance_table(path)
-    except InputFileError as error:
-        raise InputFileError(f"configuration key '{key}': {error}") from None
 
 
 def _check_body(body: BodySpec, usual: Material) -> None:

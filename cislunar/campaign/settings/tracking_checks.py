@@ -17,7 +17,7 @@ from cislunar.campaign.settings.scenarios import (
     scenario_settings,
     tracked_count,
 )
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, placed
 from cislunar.observation import ICOSAHEDRON, BodyParameterPrior, BodySpec, require_freedom
 from cislunar.photometry import PhotometryModel
 from cislunar.runtime import is_multiple, require_multiple, shortened_interval
@@ -223,22 +223,18 @@ def require_consistent(
         ("batch.estimated_parameters", settings.batch.estimated_parameters, settings, 0),
         ("truth.parameter_sigma", BodyParameterPrior(**sampled), true, law),
     ):
-        try:
+        with placed(key(name), ConfigurationError):
             # of the body of all targets that no table describes
             found = of.body.named("task2.body").surfaces([""], of.material).values()
             prior.require_possible([each.as_array() for each in found], number)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{key(name)}: {error}") from None
     estimated = settings.batch.estimated_parameters
     if settings.filter.estimate_parameters and (not estimated or estimated.log_facets > 0.0):
         raise ConfigurationError(
             f"{key('filter.estimate_parameters')} needs standard deviations above 0 in "
             "'batch.estimated_parameters', and none in log_facets, whose states would be too many"
         )
-    try:
+    with placed(key("truth.parameter_freedom"), ConfigurationError):
         require_freedom(BodyParameterPrior(**sampled), settings.truth.parameter_freedom)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{key('truth.parameter_freedom')}: {error}") from None
     _check_body(f"{place}body", settings.body)
     _check_body(f"{place}truth.body", true.body)
 
@@ -314,10 +310,8 @@ def _check_body(place: str, body: BodySpec) -> None:
             f"configuration key '{place}.radius_m': an icosahedron has no size of its own; "
             "give the radius of the sphere of equal area"
         )
-    try:
+    with placed(f"configuration key '{place}.inertia'", ConfigurationError):
         inertia_matrix(1.0 if body.inertia is None else body.inertia)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"configuration key '{place}.inertia': {error}") from None
 
 
 def _check_comparison(task2: Mapping[str, Any], settings: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cislunar.campaign.architectures.variables import phases_of
+from cislunar.campaign.data import forces_of
 from cislunar.campaign.data.inputs import body_table, sun_at
 from cislunar.campaign.settings import Cell, CellSettings, check_cell, orbits_of, typed
 from cislunar.campaign.settings.cell_settings import observer_sensors, own_sensors, true_sensors
@@ -23,15 +24,19 @@ from cislunar.campaign.tracking.ephemeris_inputs import (
     CellEphemeris,
     assumed_forces,
     ephemeris_scene,
-    ephemeris_states,
     flown_paths,
     ground_station_tracks,
     observer_tracks,
     satellites_ahead,
-    true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.dynamics import EARTH_MOON, advance_orbits, of_targets, propagate_bundle
+from cislunar.dynamics import (
+    EARTH_MOON,
+    advance_orbits,
+    inertial_states,
+    of_targets,
+    propagate_bundle,
+)
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
@@ -162,7 +167,8 @@ def cell_problem(
         tracks = np.concatenate([tracks, stations])
     if moving:
         scene = ephemeris_scene(ephemeris, tracks, loop)
-        truth = truth._replace(forces=true_forces(ephemeris, settings.dynamics))
+        forces = forces_of(ephemeris.table, ephemeris.start, settings.dynamics)
+        truth = truth._replace(forces=forces)
         forces = assumed_forces(ephemeris, settings, loop, low_lunar)
     else:
         scene = make_scene(tracks, sun_at(sun, scene_times(settings, loop)), loop.step_s)
@@ -231,7 +237,8 @@ def _drawn_placement(
             loop.elapsed_s,
             None if inputs.flown is None else flown_paths(inputs.flown),
         )
-        return Placement(tracks, *ephemeris_states(ephemeris, placed), ids)
+        states = inertial_states(placed, ephemeris.table, ephemeris.start)
+        return Placement(tracks, *states, ids)
     tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
     return Placement(tracks, placed, np.zeros(ids.size, dtype=bool), ids)
 

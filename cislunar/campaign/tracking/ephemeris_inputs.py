@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data import forces_of, forces_on_observers, horizon_days, observer_states
 from cislunar.campaign.data.inputs import COMPONENTS, variables
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.dynamics.ephemeris_forces import EphemerisForces
 from cislunar.dynamics.frames import earth_moon_axes
-from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
+from cislunar.dynamics.instantaneous_frame_cr3bp import instantaneous_frame_cr3bp
 from cislunar.ephemeris import BODY_COLUMNS, BodyTable, read_table
 from cislunar.errors import ConvergenceError
 from cislunar.observation import Scene, make_scene, station_positions, station_tracks
@@ -36,11 +35,6 @@ class CellEphemeris(NamedTuple):
     start: float
 
 
-def true_forces(ephemeris: CellEphemeris, dynamics: Dynamics) -> EphemerisForces:
-    """True force model of the targets."""
-    return forces_of(ephemeris.table, ephemeris.start, dynamics)
-
-
 def assumed_forces(
     ephemeris: CellEphemeris, settings: CellSettings, loop: LoopSettings, low_lunar: ArrayLike
 ) -> tuple:
@@ -53,12 +47,6 @@ def assumed_forces(
     return instantaneous_frame_cr3bp(
         ephemeris.table, ephemeris.start, loop.step_s, loop.n_steps, low_lunar
     )
-
-
-def ephemeris_states(ephemeris: CellEphemeris, state: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
-    """CR3BP states (target, 6) in the barycentric frame with J2000 axes, and which orbits are low
-    lunar."""
-    return inertial_states(state, ephemeris.table, ephemeris.start)
 
 
 def observer_tracks(
@@ -76,7 +64,7 @@ def observer_tracks(
     fractions of the period. `paths` are the refined orbits of the satellites, if they are known.
     See `observer_states`.
     """
-    forces = true_forces(ephemeris._replace(start=ephemeris.epoch), dynamics)
+    forces = forces_of(ephemeris.table, ephemeris.epoch, dynamics)
     times = ephemeris.start - ephemeris.epoch + elapsed_s
     flown = enumerate(zip(np.asarray(state), np.asarray(period), ahead, strict=True), start=1)
     known = iter(paths or [None] * sum(map(len, ahead)))

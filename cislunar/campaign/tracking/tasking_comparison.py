@@ -14,7 +14,7 @@ import xarray as xr
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, cell_loop
-from cislunar.runtime import Array, Progress, generator, variable
+from cislunar.runtime import Array, Progress, counted, generator, variable
 from cislunar.runtime.provenance import provenance
 from cislunar.tasking.planning.assignment import assign
 from cislunar.tasking.recording import collect
@@ -111,7 +111,7 @@ def _search_all(
         "history": np.full((*shape[:3], budgets[-1]), np.nan),
     }
     cases = [at for at in np.ndindex(shape) if budgets[at[3]] <= allowed[SEARCHES[at[0]]]]
-    for done, at in enumerate(cases, start=1):
+    for at in counted(cases, progress):
         method, (_, e, r, b) = SEARCHES[at[0]], at
         reached, found["elapsed"][at] = _timed(
             pairs[e],
@@ -123,8 +123,6 @@ def _search_all(
         found["information"][at] = reached.information
         found["evaluations"][at] = reached.history.size
         found["history"][at[:3]][: reached.history.size] = reached.history
-        if progress is not None:
-            progress(done, len(cases))
     return found
 
 
