@@ -31,17 +31,18 @@ USING_ESTIMATORS = re.compile(
 LONG = (
     "test_faults.py",
     "test_site.py",
+    "test_workflow.py",
     "test_hostile_input.py",
     "test_ephemeris_cells.py",
-    "test_cell_exports.py",
-    "test_tracking_cells.py",
     "test_splitting.py",
     "test_tracks.py",
     "test_light_curve.py",
     "test_replay_page.py",
     "test_parameter_states.py",
+    "test_own_study.py",
+    "test_model_selection.py",
     "test_tracking_campaign.py",
-    "test_unknown_bodies.py",
+    "test_tasking_comparison.py",
 )
 """Modules that take longest of those that run estimators, by their measured times: if one of them
 were the last, one worker would have nothing to do meanwhile."""

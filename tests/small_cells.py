@@ -1,5 +1,7 @@
 """Inputs and settings of small tracking cells."""
 
+from functools import cache
+
 import xarray as xr
 from campaign_folder import read_campaign
 
@@ -11,8 +13,9 @@ from cislunar.constants import EPOCH_JD
 from cislunar.orbits.families import observer_library
 
 
+@cache
 def cell_inputs(duration_days, bodies=False):
-    """Three observers in two slots, and three targets, all on halo orbits."""
+    """Three observers in two slots, and three targets, all on halo orbits; do not change them."""
     halo = observer_library({"Halo_L2_S": 3})
     orbits = xr.Dataset(
         {

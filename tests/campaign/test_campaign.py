@@ -148,6 +148,7 @@ def test_full_configuration_is_accepted(config):
             "unknown configuration key 'orbits.members.Halo_L2': did you mean 'Halo_L2_",
         ),
         ("orbits.members.Vertical", 3, "orbits.members.Vertical': known keys: Butterfly_N"),
+        ("orbits.members.Vertical_L1", 3, "'orbits.members.Vertical_L1'"),
         ("visibility.step_hours", "one", "'visibility.step_hours' = 'one'"),
         ("visibility.step_hours", 0, "'visibility.step_hours' = 0"),
         ("seed", 1.5, "'seed' = 1.5"),
