@@ -29,7 +29,7 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import ades_text, inertial_arc, oem_text
 from cislunar.observation import Scene, Sensor
 from cislunar.observation.target_surfaces import target_surfaces
-from cislunar.orbits import observer_library, tracked_targets
+from cislunar.orbits import OrbitSet, observer_library, tracked_targets
 from cislunar.orbits.ephemeris_refined import reference_states
 from cislunar.photometry import Material, icosahedron
 from cislunar.runtime.arguments import Array, require_choice
@@ -136,7 +136,8 @@ def make_benchmark(
     chosen = SIZES[size] if isinstance(size, str) else size
     scenario = _scenario(size if isinstance(size, str) else "custom", chosen)
     forces = scenario.forces()
-    tracks = _observer_tracks(chosen, scenario, forces)
+    library = observer_library()
+    tracks = _observer_tracks(library, chosen, scenario, forces)
     elapsed = _STEP_S * np.arange(tracks.shape[1])
     bodies = read_table(forces.table, forces.epoch + elapsed)[0] / LENGTH_UNIT_KM
     scene = icrf_scene(tracks[..., :3], bodies, _STEP_S)
@@ -158,7 +159,7 @@ def make_benchmark(
         inertial_states(states, forces.table, forces.epoch)[0],
         np.arange(chosen.objects),
         seed,
-        _density(settings, forces, seed),
+        _density(library, settings, forces, seed),
         settings,
         sensor=scenario.sensor,
         forces=forces,
@@ -198,11 +199,10 @@ def _scenario(name: str, size: BenchmarkSize) -> BenchmarkScenario:
 
 
 def _observer_tracks(
-    size: BenchmarkSize, scenario: BenchmarkScenario, forces: EphemerisForces
+    library: OrbitSet, size: BenchmarkSize, scenario: BenchmarkScenario, forces: EphemerisForces
 ) -> Array:
     """States (observer, time, 6) of the observers, propagation frame. The orbits of a family divide
     it evenly, and satellites divide their orbit."""
-    library = observer_library()
     elapsed = _STEP_S * np.arange(
         round(scenario.survey.duration_days * SECONDS_PER_DAY / _STEP_S) + 1
     )
@@ -247,9 +247,10 @@ def _objects(size: BenchmarkSize, forces: EphemerisForces, seed: int) -> tuple[l
     return [*families, *others.family], np.concatenate([np.array(inside), others.state])
 
 
-def _density(settings: SurveySettings, forces: EphemerisForces, seed: int) -> ObjectDensity:
+def _density(
+    library: OrbitSet, settings: SurveySettings, forces: EphemerisForces, seed: int
+) -> ObjectDensity:
     """Density of undetected objects from the prior, which the truth does not enter."""
-    library = observer_library()
     sources = PriorSources(orbits=library.state, periods=library.period)
     state, size = sample_prior(
         settings.prior, sources, generator(seed, "prior"), region=settings.region
