@@ -63,9 +63,6 @@ _LEAST_COSINE = 1e-3
 _GATE, _CURVATURE = 3.0, np.deg2rad(0.02)
 """Gate of a prediction in standard deviations, and what a straight path over minutes may miss."""
 
-_BLOCK_S = 1200.0
-"""Time within which exposures of an observer without a detection count as one."""
-
 
 class Predictions(NamedTuple):
     """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
@@ -298,7 +295,7 @@ class SurveyCatalog:
         if not self._fields:
             return None
         fields = FieldHistory(*(np.concatenate(each) for each in zip(*self._fields, strict=True)))
-        given = self.magnitude_sigma, self.process.detection_loss, _BLOCK_S
+        given = self.magnitude_sigma, self.process.detection_loss
         return Watch(fields, self.scene, self.limits, *given)
 
     def predict(self, time: float) -> Predictions:

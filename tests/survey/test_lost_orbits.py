@@ -33,7 +33,7 @@ def watch(orbit, minutes, fits, offset_deg=0.0, observers=range(6)):
     unit /= np.linalg.norm(unit, axis=1)[:, None]
     fields = FieldHistory(index, of, unit, np.full(index.size, 0.026))
     limits = sensor_limits(sensor, scene.observer_position.shape[0])
-    return Watch(fields, scene, limits, 0.4, DetectionProcess().detection_loss, 1200.0), states
+    return Watch(fields, scene, limits, 0.4, DetectionProcess().detection_loss), states
 
 
 def test_an_orbit_that_fields_miss_is_lost_and_one_that_they_do_not_cover_is_not():

@@ -63,7 +63,7 @@ def watch(angles, half_field=0.026):
     unit /= np.linalg.norm(unit, axis=1)[:, None]
     fields = FieldHistory(index, observer, unit, np.full(index.size, half_field))
     limits = sensor_limits(Sensor(limiting_magnitude=20), scene.observer_position.shape[0])
-    return Watch(fields, scene, limits, 0.4, DetectionProcess().detection_loss, 1200.0)
+    return Watch(fields, scene, limits, 0.4, DetectionProcess().detection_loss)
 
 
 def fitted(angles, rows, states):

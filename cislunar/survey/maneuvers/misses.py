@@ -62,6 +62,10 @@ class FieldHistory(NamedTuple):
     half_field: Array
 
 
+_BLOCK_S = 1200.0
+"""Time within which the exposures of an observer count as one, s."""
+
+
 class Watch(NamedTuple):
     """What tells whether an orbit's object would have been detected.
 
@@ -75,8 +79,6 @@ class Watch(NamedTuple):
         Standard deviation of magnitudes about those of a sphere, mag.
     loss : float
         Share of detectable objects that an exposure loses.
-    block_s : float
-        Time within which the exposures of an observer count as one, s.
     """
 
     fields: FieldHistory
@@ -84,7 +86,6 @@ class Watch(NamedTuple):
     limits: SensorLimits
     magnitude_sigma: float
     loss: float
-    block_s: float
 
 
 def log_missed(
@@ -121,7 +122,7 @@ def log_missed(
     ndarray, shape (n,)
         Equation (1); 0 for an orbit of unknown brightness.
     """
-    fields, scene, limits, magnitude_sigma, loss, block_s = watch
+    fields, scene, limits, magnitude_sigma, loss = watch
     last = angles.time[fits.row[fits.begin[which + 1] - 1]] if since is None else since
     possible = np.ones(angles.time.size, dtype=bool)
     if of_others is not None:
@@ -130,7 +131,7 @@ def log_missed(
     known = np.isfinite(size)
     offset = np.maximum(magnitude_sigma, scatter)[:, None] * _OFFSET
     sigma = np.sqrt(limits.noise_variance[:, :1])
-    block = np.floor(fields.index * scene.step_s / block_s + 1e-9).astype(np.int64)
+    block = np.floor(fields.index * scene.step_s / _BLOCK_S + 1e-9).astype(np.int64)
     after = np.unique(fields.index[fields.index * scene.step > last.min(initial=np.inf)])
     best = np.zeros((*offset.shape, limits.half_field.size))
     out = np.zeros_like(best)

@@ -21,8 +21,6 @@ class ObservedPath(NamedTuple):
         The detections.
     way : ndarray, shape (row, 3)
         From the observers to the object, nondimensional, propagation frame.
-    along : ndarray, shape (row,)
-        The same along the measured directions.
     basis : ndarray, shape (row, 2, 3)
         Derivatives of the angles by the position of the object.
     by_state : ndarray, shape (row, 3, 6)
@@ -35,7 +33,6 @@ class ObservedPath(NamedTuple):
     rows: NDArray[np.int64]
     angles: Angles
     way: Array
-    along: Array
     basis: Array
     by_state: Array
     by_factor: Array
@@ -78,4 +75,4 @@ def observed_paths(
         way = path[:, :3] - angles.observer_position
         along = np.sum(way * angles.direction, axis=1)
         basis = angles.basis / along[:, None, None]
-        yield k, ObservedPath(each, angles, way, along, basis, stm[:, :3], by_factor[:, :3])
+        yield k, ObservedPath(each, angles, way, basis, stm[:, :3], by_factor[:, :3])
