@@ -20,12 +20,13 @@ from cislunar.runtime.settings_fields import (
 
 class SearchSettings(NamedTuple):
     """How the modes are searched for, in the layout of the compiled kernels.
-    `modes`: most modes kept. `starts`, `first_starts`: points of the pool that are refined, later
-    and at the first time. `pool`: points drawn. `warm_iterations`, `iterations`: steps from a live
-    mode, and from a point of the pool. `spread`: factor on the standard deviations of a mode around
-    which points are drawn. `merge_distance`: squared Mahalanobis distance below which two modes are
-    one. `drop`: difference in log weight below which a mode is given up. `searches`: most searches
-    of a fit, which are repeated while it is in doubt."""
+    `modes`: most modes kept. `starts`, `first_starts`: points of the pool that are refined, the
+    latter while the light curve is short and in searches afresh. `pool`: points drawn.
+    `warm_iterations`, `iterations`: steps from a live mode, and from a point of the pool. `spread`:
+    factor on the standard deviations of a mode around which points are drawn. `merge_distance`:
+    squared Mahalanobis distance below which two modes are one. `drop`: difference in log weight
+    below which a mode is given up. `searches`: most searches of a fit, which are repeated while it
+    is in doubt."""
 
     modes: int
     starts: int
@@ -61,10 +62,11 @@ class BatchSettings(Section):
         "maximum number of modes of the attitude's posterior that the estimator `batch` keeps (16 "
         "in the preset `accurate`)", default=8)
     starts: whole(ge=0) = setting(
-        "number of starts of a fit in addition to the modes found before (8 in `accurate`)",
-        default=4)
+        "number of starts of a fit of at least 20 measurements in addition to the modes found "
+        "before (8 in `accurate`)", default=4)
     first_starts: whole(ge=0) = setting(
-        "number of starts of the first fit (16 in `accurate`)", default=8)
+        "number of starts of a fit of fewer measurements, and of a repeated search (16 in "
+        "`accurate`)", default=8)
     pool: whole(ge=0) = setting(
         "number of random points from which the starts are chosen by cost, at least the number of "
         "starts (128 in `accurate`)", default=64)
