@@ -50,8 +50,8 @@ def _track_ephemeris(estimator: str, assumed: Literal["ephemeris", "cr3bp"]) -> 
     scene = ephemeris_inputs.ephemeris_scene(ephemeris, tracks, problem.loop)
     placed, low_lunar = inertial_states(problem.epoch, ephemeris.table, ephemeris.start)
     surfaces, noise = problem.surfaces, problem.loop.sensor.noise
-    forces = forces_of(ephemeris.table, ephemeris.start, dynamics)
-    truth = TruthModel(surfaces, noise, np.zeros(3), forces)
+    true_forces = forces_of(ephemeris.table, ephemeris.start, dynamics)
+    truth = TruthModel(surfaces, noise, np.zeros(3), true_forces)
     forces = ephemeris_inputs.assumed_forces(ephemeris, settings, problem.loop, low_lunar)
     given = {"estimator": estimator, "truth": truth, "forces": forces}
     for _ in ClosedLoop(scene, surfaces, placed, problem.ids, [1], problem.loop, **given).pieces():

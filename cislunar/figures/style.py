@@ -19,7 +19,7 @@ from PIL import Image
 
 from cislunar.errors import ConfigurationError
 from cislunar.figures import labels
-from cislunar.runtime import progress_log, whole_file
+from cislunar.runtime import each, whole_file
 
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
@@ -240,8 +240,7 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
     """
     plain = {"Creator": None, "Producer": None, "CreationDate": None}
     files = ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain))
-    progress = progress_log("files of the figure")
-    for done, (path, kind, metadata) in enumerate(files, start=1):
+    for path, kind, metadata in each(files, "files of the figure"):
         drawn = io.BytesIO()
         with house_style():
             figure.savefig(drawn, format=kind, dpi=RASTER_DPI, metadata=metadata)
@@ -249,7 +248,6 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
             drawn = _with_palette(drawn)
         with whole_file(path) as temporary:
             temporary.write_bytes(drawn.getvalue())
-        progress(done, len(files))
 
 
 def _with_palette(drawn: io.BytesIO) -> io.BytesIO:

@@ -21,7 +21,7 @@ from cislunar.campaign.architectures.variables import architecture_variables, di
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
-from cislunar.runtime import Progress, generator, logger, progress_log, variable
+from cislunar.runtime import Progress, counted, generator, logger, progress_log, variable
 from cislunar.runtime.provenance import provenance
 
 _VALUES = {
@@ -39,16 +39,14 @@ def _certificates(
     unit: str,
     halvings: int = 0,
 ) -> list[ObjectiveCertificate]:
-    found, progress = [], progress_log("numbers of satellites")
-    suffix = "" if unit == "1" else f" {unit}"
-    for done, number in enumerate(numbers, start=1):
+    found, suffix = [], "" if unit == "1" else f" {unit}"
+    for number in counted(numbers, progress_log("numbers of satellites")):
         each = certificate(objective, number, slots, rng, halvings)
         logger.info(
             "%d satellites: %.6g%s, at most %.6g (%.2f %%), %.1f s",
             number, each.value, suffix, each.bound, 100.0 * each.gap, each.seconds,
         )  # fmt: skip
         found.append(each)
-        progress(done, len(numbers))
     return found
 
 

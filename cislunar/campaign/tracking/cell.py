@@ -167,8 +167,8 @@ def cell_problem(
         tracks = np.concatenate([tracks, stations])
     if moving:
         scene = ephemeris_scene(ephemeris, tracks, loop)
-        forces = forces_of(ephemeris.table, ephemeris.start, settings.dynamics)
-        truth = truth._replace(forces=forces)
+        true_forces = forces_of(ephemeris.table, ephemeris.start, settings.dynamics)
+        truth = truth._replace(forces=true_forces)
         forces = assumed_forces(ephemeris, settings, loop, low_lunar)
     else:
         scene = make_scene(tracks, sun_at(sun, scene_times(settings, loop)), loop.step_s)

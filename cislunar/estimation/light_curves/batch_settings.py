@@ -65,8 +65,8 @@ class BatchSettings(Section):
         "number of starts of a fit of at least 20 measurements in addition to the modes found "
         "before (8 in `accurate`)", default=4)
     first_starts: whole(ge=0) = setting(
-        "number of starts of a fit of fewer measurements, and of a repeated search (16 in "
-        "`accurate`)", default=8)
+        "number of starts of a fit of fewer than 20 measurements, and of a repeated search (16 "
+        "in `accurate`)", default=8)
     pool: whole(ge=0) = setting(
         "number of random points from which the starts are chosen by cost, at least the number of "
         "starts (128 in `accurate`)", default=64)
