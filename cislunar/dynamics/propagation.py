@@ -140,21 +140,23 @@ def propagate(
     return out
 
 
-def _state_rows(state: ArrayLike, forces: tuple) -> Array:
-    """States (n, 6) of finite numbers; raises a `ConfigurationError` otherwise."""
+def _state_rows(state: ArrayLike, forces: tuple, on_failure: str = "raise") -> Array:
+    """States (n, 6) of finite numbers; raises a `ConfigurationError` otherwise, and if they are
+    evidently in km and failures raise errors."""
+    require_choice("on_failure", on_failure, ("raise", "nan"))
     states = np.ascontiguousarray(array_of("states", state, finite=False))
     if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
         raise ConfigurationError(
             f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
         )
-    if isinstance(forces, CR3BP):
+    if isinstance(forces, CR3BP) and on_failure == "raise":
         require_nondimensional("state", states)
     return states
 
 
-def _integrate_many(y0, times, forces, start, method, rtol, atol) -> Array:
+def _integrate_many(y0, times, forces, start, method, rtol, atol, on_failure) -> Array:
     """Solutions (n, m, components) from initial values (n, components) by the integrator in lanes;
-    times and start as in `propagate_many`."""
+    times, start and on_failure as in `propagate_many`."""
     times = array_of("times", times, finite=False)
     if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(y0)):
         raise ConfigurationError(
@@ -191,7 +193,11 @@ def _integrate_many(y0, times, forces, start, method, rtol, atol) -> Array:
     kind = lanes.OfStates() if y0.shape[1] == 6 else lanes.OfMatrices()
     rows = out.reshape(-1, y0.shape[1])
     lanes.integrate_many(kind, method, forces, jobs, rtol, atol, rows, status, stopped)
-    for k in np.flatnonzero(status != runge_kutta.OK):
+    failed = np.flatnonzero(status != runge_kutta.OK)
+    if on_failure == "nan":
+        out[which[failed]] = np.nan
+        return out
+    for k in failed:
         end = direction[k] * jobs.times[jobs.first[k + 1] - 1]
         _require_arrival(status[k], jobs.state[k, :6], stopped[k], end)
     return out
@@ -206,6 +212,7 @@ def propagate_many(
     method: str = "dopri5",
     rtol: float | None = None,
     atol: float | None = None,
+    on_failure: str = "raise",
 ) -> Array:
     """Propagate many states, each with its own steps; bit-identical to `propagate` for each state.
 
@@ -223,15 +230,19 @@ def propagate_many(
     start : array_like, shape () or (n,)
         Time of the states, nondimensional, since the epoch.
     method, rtol, atol
-        See `propagate`; so are the errors raised, for the first state that fails.
+        See `propagate`; so are the errors raised.
+    on_failure : {"raise", "nan"}
+        For a state whose propagation does not converge: raise the error of `propagate` for the
+        first such state, or return NaN at all its times. In the latter case, states are not checked
+        for km.
 
     Returns
     -------
     ndarray, shape (n, m, 6)
         Nondimensional, propagation frame.
     """
-    given = forces, start, *_method_and_tolerances(method, rtol, atol)
-    return _integrate_many(_state_rows(state, forces), times, *given)
+    given = forces, start, *_method_and_tolerances(method, rtol, atol), on_failure
+    return _integrate_many(_state_rows(state, forces, on_failure), times, *given)
 
 
 def propagate_periodic(
@@ -288,6 +299,7 @@ def propagate_stm(
     start: ArrayLike = 0.0,
     rtol: float = 1e-13,
     atol: float = 1e-13,
+    on_failure: str = "raise",
 ) -> tuple[Array, Array]:
     """Propagate states and their state transition matrices with DOP853; errors as in `propagate`,
     except that a single state in km is not detected.
@@ -307,6 +319,8 @@ def propagate_stm(
         Time of the states, nondimensional, since the epoch.
     rtol, atol : float
         Tolerances, applied to all 42 entries.
+    on_failure : {"raise", "nan"}
+        For several states, see `propagate_many`; an error is always raised for a single one.
 
     Returns
     -------
@@ -318,9 +332,10 @@ def propagate_stm(
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     durations = np.asarray(duration, dtype=float)
     if np.ndim(state) == 2:
-        states = _state_rows(state, forces)
+        states = _state_rows(state, forces, on_failure)
         y0 = np.hstack([states, np.tile(np.eye(6).ravel(), (len(states), 1))])
-        end = _integrate_many(y0, np.atleast_1d(durations), forces, start, code, rtol, atol)
+        given = np.atleast_1d(durations), forces, start, code, rtol, atol, on_failure
+        end = _integrate_many(y0, *given)
         shape = (len(states), *durations.shape[-1:])
     else:
         y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])

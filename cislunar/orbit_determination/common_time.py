@@ -16,7 +16,6 @@ import numpy as np
 
 from cislunar.association import gate_threshold
 from cislunar.dynamics import Radiation, propagate_stm
-from cislunar.errors import CislunarError
 from cislunar.orbit_determination.least_squares import OrbitFits
 from cislunar.runtime import Array, Indices
 
@@ -52,17 +51,8 @@ def propagated(state: Array, epoch: Array, time: Array, forces: tuple) -> tuple[
     transition : ndarray, shape (n, m, 6, 6)
         NaN for an orbit that cannot be propagated.
     """
-    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE}
-    try:
-        return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
-    except CislunarError:
-        if len(state) < 2:
-            shape = len(state), time.shape[-1], 6
-            return np.full(shape, np.nan), np.full((*shape, 6), np.nan)
-    half, times = len(state) // 2, np.broadcast_to(time, (len(state), time.shape[-1]))
-    parts = [propagated(state[own], epoch[own], times[own], forces)
-             for own in (slice(half), slice(half, None))]  # fmt: skip
-    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+    given = {"forces": forces, "rtol": _TOLERANCE, "atol": _TOLERANCE, "on_failure": "nan"}
+    return propagate_stm(state, time - epoch[:, None], start=epoch, **given)
 
 
 def propagated_each(

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.dynamics import EARTH_MOON, equations_of_motion, propagate, require_span
-from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.dynamics import EARTH_MOON, equations_of_motion, propagate_many, require_span
+from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.admissible_region import (
     AdmissibleRegion,
     is_admissible,
@@ -291,18 +291,14 @@ def refit_at(
     ConfigurationError
         If the force model does not cover the times of the angles.
     """
-    states, rows, times = [], [], []
     epochs = np.broadcast_to(np.asarray(epoch, dtype=float), fits.epoch.shape)
-    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        start = float(fits.epoch[k])
-        try:
-            states.append(
-                propagate(fits.state[k], [epochs[k] - start], forces=forces, start=start)[0]
-            )
-        except (ConvergenceError, ConfigurationError):
-            continue
-        rows.append(fits.detections(k))
-        times.append(epochs[k])
-    if not states:
+    found = np.flatnonzero(fits.status == CONVERGED)
+    elapsed = (epochs - fits.epoch)[found, None]
+    given = {"forces": forces, "start": fits.epoch[found], "on_failure": "nan"}
+    states = propagate_many(fits.state[found], elapsed, **given)[:, 0]
+    kept = np.isfinite(states).all(axis=1)
+    if not kept.any():
         return fits
-    return fit_orbits(angles, rows, np.array(states), times, forces=forces)
+    found = found[kept]
+    rows = [fits.detections(k) for k in found.tolist()]
+    return fit_orbits(angles, rows, states[kept], epochs[found], forces=forces)

@@ -116,6 +116,26 @@ def test_many_name_the_first_collision():
     assert propagate_many(np.empty((0, 6)), [1.0]).shape == (0, 1, 6)
 
 
+@pytest.mark.parametrize("times", [[1.0, 2.0], [0.5, -1.0]])
+def test_a_collision_is_nan_beside_others_bit_for_bit(times):
+    falling = [1.0 - MU + 0.004, 0.0, 0.0, 0.0, -0.004, 0.0]
+    states = [GENERIC, falling, [0.9 * each for each in GENERIC]]
+    many = propagate_many(states, times, on_failure="nan")
+    end, stm = propagate_stm(states, times, on_failure="nan")
+    assert np.isnan(many[1]).all() and np.isnan(end[1]).all() and np.isnan(stm[1]).all()
+    assert many[[0, 2]].tobytes() == propagate_many(states[::2], times).tobytes()
+    for given, alone in zip((end, stm), propagate_stm(states[::2], times), strict=True):
+        assert given[[0, 2]].tobytes() == alone.tobytes()
+    messages = []
+    for function, state in ((propagate, falling), (propagate_many, [falling])):
+        with pytest.raises(ConvergenceError) as failure:
+            function(state, [2.0])
+        messages.append(str(failure.value))
+    assert messages[0] == messages[1]  # at the same time, and so after the same steps
+    with pytest.raises(ConfigurationError, match="on_failure = 'skip' must be one of raise, nan"):
+        propagate_many(states, times, on_failure="skip")
+
+
 @pytest.mark.parametrize(("method", "drift"), [("dopri5", 1e-8), ("dop853", 1e-11)])
 def test_jacobi_constant_is_conserved(method, drift):
     times = np.linspace(0.0, 10.0, 200)

@@ -25,6 +25,7 @@ from cislunar.dynamics.adaptive.runge_kutta import (
     DOPRI5,
     MAX_STEPS,
     OK,
+    SHORTEST_STEP,
     STEP_UNDERFLOW,
     TOO_MANY_STEPS,
     derivative,
@@ -286,7 +287,7 @@ def _propose(kind, jobs, w, lanes, status, reached):
             w[_SIZE, i] = h
             w[_TIME, i] = jobs.start[job] + t * direction
             # Written so that a NaN (a step into the center of a primary) also counts as underflow.
-            if not h > 4e-16 * max(t, 1e-3) or lanes[_TRIED, i] == MAX_STEPS:
+            if not h > min(SHORTEST_STEP, 1e-3 * left) or lanes[_TRIED, i] == MAX_STEPS:
                 status[job] = TOO_MANY_STEPS if lanes[_TRIED, i] == MAX_STEPS else STEP_UNDERFLOW
                 reached[job] = t * direction
                 lanes[_JOB, i] = -1

@@ -30,6 +30,9 @@ from cislunar.dynamics.tableau import (
 DOPRI5, DOP853 = 0, 1
 OK, STEP_UNDERFLOW, TOO_MANY_STEPS = 0, 1, 2
 MAX_STEPS = 2_000_000
+SHORTEST_STEP = 1e-13
+"""Nondimensional (38 ns), unless a shorter time remains. Only within some ten meters of the center
+of the Moon are shorter steps needed, of which rounding can require hundreds of thousands."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -268,7 +271,7 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centers, closes
         remaining = abs(end - t)
         h = min(h, remaining)
         # Written so that a NaN (a step into the center of a primary) also counts as underflow.
-        if not h > 4e-16 * max(abs(t), 1e-3):
+        if not h > min(SHORTEST_STEP, 1e-3 * remaining):
             return STEP_UNDERFLOW, t
         step = h * direction
         _step(method, forces, start + t, y, step, slopes, y_new)
