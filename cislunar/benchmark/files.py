@@ -78,9 +78,9 @@ class BenchmarkScenario(Section):
 
     @property
     def scoring_tdb(self) -> Array:
-        """Scoring epochs, TDB seconds past J2000: every `survey.link_hours`, to the end."""
+        """Scoring epochs, TDB seconds past J2000: every `survey.link_hours` until the end."""
         step = self.survey.link_hours * _HOUR_S
-        count = round(self.survey.duration_days * SECONDS_PER_DAY / step)
+        count = int(self.survey.duration_days * SECONDS_PER_DAY / step + 1e-9)
         return self.epoch_tdb + step * np.arange(1, count + 1)
 
     def forces(self) -> EphemerisForces:

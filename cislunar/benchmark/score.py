@@ -235,7 +235,7 @@ def _latency(
     given: Submission, pairs: dict[str, int], public: PublicData, truth: xr.Dataset
 ) -> dict[str, float]:
     """Median time from the first detection of an object to its entry into the catalog, over the
-    objects that are assigned at the last epoch, if their dates are given."""
+    objects that are assigned at the last epoch, if dates are given; zero before the detection."""
     if given.cataloged is None:
         return {}
     first = np.full(truth.sizes["object"], np.inf)
@@ -243,8 +243,8 @@ def _latency(
     real = origin != FALSE_ALARM
     np.minimum.at(first, origin[real], public.tdb[real])
     since = [
-        given.cataloged[name] - first[target]
+        max(given.cataloged[name] - first[target], 0.0)
         for name, target in pairs.items()
-        if name in given.cataloged and np.isfinite(first[target])
+        if np.isfinite(first[target])
     ]
     return {"latency_median_h": float(np.median(since)) / 3600.0} if since else {}

@@ -88,7 +88,7 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
         raise InputFileError(f"{root}: has no states; give a file {', '.join(_READERS)}")
     table = scenario.forces().table
     epochs = scenario.scoring_tdb
-    found: list[dict[str, tuple[Array, Array]]] = [{} for _ in epochs]
+    found: list[dict[str, tuple[Array, Array, Segment]]] = [{} for _ in epochs]
     arcs: dict[str, tuple[str, float, float]] = {}
     for source in sources:
         for segment in _READERS[source.suffix.lower()](source):
@@ -107,8 +107,8 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     states = [
         ScoredStates(
             list(each),
-            np.array([state for state, _ in each.values()]).reshape(-1, 6),
-            np.array([matrix for _, matrix in each.values()]).reshape(-1, 6, 6),
+            np.array([state for state, *_ in each.values()]).reshape(-1, 6),
+            np.array([matrix for _, matrix, _ in each.values()]).reshape(-1, 6, 6),
         )
         for each in found
     ]
@@ -117,7 +117,7 @@ def read_submission(path: str | Path, scenario: BenchmarkScenario) -> Submission
     if root.is_dir() and (root / ASSIGNMENTS).exists():
         assigned = _assignments(root / ASSIGNMENTS, names)
     if root.is_dir() and (root / OBJECTS).exists():
-        cataloged = _dates_of(root / OBJECTS, names, scenario)
+        cataloged = _dates_of(root / OBJECTS, found, scenario)
     return Submission(states, assigned, cataloged)
 
 
@@ -126,18 +126,26 @@ def _take(place: str, segment: Segment, epochs: Array, table: BodyTable, found: 
     name, times = segment.name, segment.tdb_s
     for number, epoch in enumerate(epochs.tolist()):
         k = int(np.argmin(np.abs(times - epoch)))
-        if abs(times[k] - epoch) > _SAME_S:
+        begins, ends = epoch - segment.span[0], segment.span[1] - epoch
+        if abs(times[k] - epoch) > _SAME_S or min(begins, ends) < -_SAME_S:
             continue
         date = dates([epoch])[0]
         if name in found[number]:
-            raise InputFileError(f"{place}: has two states at {date}; give one")
+            # one segment may begin where another one ends: the state is that of the later one
+            *_, other = found[number][name]
+            after = begins <= _SAME_S and other.span[1] - epoch <= _SAME_S
+            before = ends <= _SAME_S and epoch - other.span[0] <= _SAME_S
+            if after == before:
+                raise InputFileError(f"{place}: has two states at {date}; give one")
+            if before:
+                continue
         state = recenter(segment.state[k], table, epoch, old=CENTERS[segment.center], new="earth")
         state[:3] += state[3:] * (epoch - times[k])
         matrix = np.full((6, 6), np.nan)
         for at in np.flatnonzero(np.abs(segment.covariance_tdb_s - epoch) <= _SAME_S)[:1]:
             matrix = segment.covariance[at]
             _require_positive(f"{place}, {date}", matrix)
-        found[number][name] = state, matrix
+        found[number][name] = state, matrix, segment
 
 
 def _require_complete_arcs(
@@ -190,19 +198,28 @@ def _assignments(path: Path, names: set[str]) -> dict[str, str]:
     return assigned
 
 
-def _dates_of(path: Path, names: set[str], scenario: BenchmarkScenario) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for place, row in _rows(path, "cataloged_utc", names):
+def _dates_of(path: Path, found: list[dict], scenario: BenchmarkScenario) -> dict[str, float]:
+    """Dates at which objects entered the catalog: between the scoring epoch of their first state
+    and the one before."""
+    begins = [scenario.epoch_tdb, *scenario.scoring_tdb.tolist()]
+    first = {name: number for number in reversed(range(len(found))) for name in found[number]}
+    given: dict[str, float] = {}
+    for place, row in _rows(path, "cataloged_utc", {*first}):
+        name = row["object"]
         try:
             time = tdb_seconds(row["cataloged_utc"])
         except CislunarError as error:
             raise InputFileError(f"{place}: cataloged_utc: {error}") from error
-        if not scenario.epoch_tdb <= time <= scenario.scoring_tdb[-1] + _SAME_S:
+        low, high = begins[first[name] : first[name] + 2]
+        if not low - _SAME_S <= time <= high + _SAME_S:
             raise InputFileError(
-                f"{place}: cataloged_utc {row['cataloged_utc']} is not within the benchmark, "
-                f"{scenario.epoch} to {dates(scenario.scoring_tdb[-1:])[0]} (UTC); correct it"
+                f"{place}: cataloged_utc {row['cataloged_utc']} of object {name!r} is not from "
+                f"{dates([low])[0]} to its first scored state, {dates([high])[0]} (UTC); correct it"
             )
-        if row["object"] in found:
-            raise InputFileError(f"{place}: object {row['object']!r} occurs twice; give one date")
-        found[row["object"]] = time
-    return found
+        if name in given:
+            raise InputFileError(f"{place}: object {name!r} occurs twice; give one date")
+        given[name] = time
+    lacking = sorted({*first} - {*given})
+    if lacking:
+        raise InputFileError(f"{path}: object {lacking[0]!r} has no date; give one of each object")
+    return given

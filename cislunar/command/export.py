@@ -119,9 +119,13 @@ def export(
             f"--center {center}: {suffix} has no states; choose one of {', '.join(_STATES)}"
         )
     found = read_dataset(cell)
-    if "target_id" not in found or "settings" not in found.attrs:
+    if not {"target_id", "target_name"} & {*found.variables} or "settings" not in found.attrs:
         raise InputFileError(
             f"{cell}: is no tracking cell, study or record of a survey; give such a file"
+        )
+    if suffix in (".tdm", ".psv") and "observation_used" in found:
+        raise InputFileError(
+            f"{cell}: has no simulated observations, but those that were given; use their file"
         )
     if realization >= found.sizes["seed"]:
         raise ConfigurationError(

@@ -18,9 +18,9 @@ from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.quantities import nondimensional
 from cislunar.runtime.arguments import Array, array_of, number_of, require_choice
 
+_NOWHERE = np.empty(0)
 METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853}
 _DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}
-_NOWHERE = np.empty(0)
 
 
 def _method_and_tolerances(
@@ -31,9 +31,7 @@ def _method_and_tolerances(
     atol = _DEFAULT_TOLERANCE[method] if atol is None else number_of("atol", atol)
     # Below about 100 machine epsilons the error estimate is roundoff and steps collapse.
     if not rtol >= 2.3e-14 or not atol > 0.0:
-        raise ConfigurationError(
-            f"rtol = {rtol} must be at least 2.3e-14 and atol = {atol} positive"
-        )
+        raise ConfigurationError(f"rtol = {rtol} must be at least 2.3e-14, atol = {atol} positive")
     return METHODS[method], rtol, atol
 
 
@@ -91,8 +89,8 @@ def propagate(
 ) -> Array:
     """Propagate one state and return it at given times.
 
-    The step size adapts to the tolerances alone; output times are evaluated by the continuous
-    extension of the method (4th order for Dormand-Prince 5(4), 7th for DOP853).
+    The step size adapts to the tolerances alone; the continuous extension of the method (4th order
+    for Dormand-Prince 5(4), 7th for DOP853) gives the states at the output times.
 
     Parameters
     ----------
@@ -144,7 +142,8 @@ def _state_rows(state: ArrayLike, forces: tuple, on_failure: str = "raise") -> A
     """States (n, 6) of finite numbers; raises a `ConfigurationError` otherwise, and if they are
     evidently in km and failures raise errors."""
     require_choice("on_failure", on_failure, ("raise", "nan"))
-    states = np.ascontiguousarray(array_of("states", state, finite=False))
+    given = nondimensional("states", state, "state")
+    states = np.ascontiguousarray(array_of("states", given, finite=False))
     if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
         raise ConfigurationError(
             f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
@@ -157,7 +156,8 @@ def _state_rows(state: ArrayLike, forces: tuple, on_failure: str = "raise") -> A
 def _integrate_many(y0, times, forces, start, method, rtol, atol, on_failure) -> Array:
     """Solutions (n, m, components) from initial values (n, components) by the integrator in lanes;
     times, start and on_failure as in `propagate_many`."""
-    times = array_of("times", times, finite=False)
+    times = array_of("times", nondimensional("times", times, "time"), finite=False)
+    start = array_of("start", nondimensional("start", start, "time"))
     if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(y0)):
         raise ConfigurationError(
             f"times of shape {times.shape} do not belong to {len(y0)} states: give one row for "
@@ -166,7 +166,7 @@ def _integrate_many(y0, times, forces, start, method, rtol, atol, on_failure) ->
     if not np.all(np.isfinite(times)):
         raise ConfigurationError("times must be finite numbers")
     times = np.broadcast_to(times, (len(y0), times.shape[-1]))
-    starts = np.broadcast_to(np.asarray(start, dtype=float), len(y0))
+    starts = np.broadcast_to(start, len(y0))
     out = np.empty((*times.shape, y0.shape[1]))
     if out.size == 0:
         return out
@@ -178,8 +178,7 @@ def _integrate_many(y0, times, forces, start, method, rtol, atol, on_failure) ->
     column = np.arange(m)
     column = np.where(column < back[:, None], back[:, None] - 1 - column, column)
     order = np.take_along_axis(order, column, axis=1)
-    has_times = np.stack([back > 0, back < m], axis=1)
-    which, forward = np.nonzero(has_times)
+    which, forward = np.nonzero(np.stack([back > 0, back < m], axis=1))
     direction = 2.0 * forward - 1.0
     jobs = lanes.Jobs(
         state=y0[which],
@@ -214,10 +213,8 @@ def propagate_many(
     atol: float | None = None,
     on_failure: str = "raise",
 ) -> Array:
-    """Propagate many states, each with its own steps; bit-identical to `propagate` for each state.
-
-    This is a few times faster than one state after the other, see
-    `cislunar.dynamics.adaptive.lanes`.
+    """Propagate many states, each with its own steps; bit-identical to `propagate` for each state,
+    and a few times faster (`cislunar.dynamics.adaptive.lanes`).
 
     Parameters
     ----------
@@ -255,8 +252,7 @@ def propagate_periodic(
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """State of a periodic orbit of the CR3BP at any times, from at most half a period of
-    propagation.
+    """State of a periodic orbit of the CR3BP at any times.
 
     Times are wrapped to half a period on either side of the epoch, so that the error of an unstable
     orbit grows over at most half a period, however distant the times.
@@ -281,10 +277,8 @@ def propagate_periodic(
 
     Raises
     ------
-    ConfigurationError
-        If the period is not positive, or another argument is impossible; see `propagate`.
-    ConvergenceError
-        If the step size underflows, as on a collision with a primary, or too many steps are needed.
+    ConfigurationError, ConvergenceError
+        If the period is not positive, and see `propagate`.
     """
     period = number_of("period", nondimensional("period", period, "time"), positive=True)
     wrapped = _wrapped(array_of("times", nondimensional("times", times, "time")), period)
@@ -302,9 +296,7 @@ def propagate_stm(
     on_failure: str = "raise",
 ) -> tuple[Array, Array]:
     """Propagate states and their state transition matrices with DOP853; errors as in `propagate`,
-    except that a single state in km is not detected.
-
-    Many states are integrated together with the same result for each, see `propagate_many`.
+    except that a single state in km is not detected. For many states see `propagate_many`.
 
     Parameters
     ----------
@@ -330,7 +322,7 @@ def propagate_stm(
         Derivative of each final state with respect to the initial one.
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
-    durations = np.asarray(duration, dtype=float)
+    durations = array_of("duration", nondimensional("duration", duration, "time"), finite=False)
     if np.ndim(state) == 2:
         states = _state_rows(state, forces, on_failure)
         y0 = np.hstack([states, np.tile(np.eye(6).ravel(), (len(states), 1))])
@@ -339,6 +331,7 @@ def propagate_stm(
         shape = (len(states), *durations.shape[-1:])
     else:
         y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
+        start = number_of("start", nondimensional("start", start, "time"))
         end, _ = _integrate(code, forces, start, y0, np.atleast_1d(durations), rtol, atol)
         shape = durations.shape
     return end[..., :6].reshape(*shape, 6), end[..., 6:].reshape(*shape, 6, 6)
@@ -366,8 +359,7 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
     Raises
     ------
     ConfigurationError, ConvergenceError
-        If the states cannot be propagated (see `propagate_many`), or a period is negative or not
-        one of each state.
+        If a period is negative or not one of each state, and see `propagate_many`.
     """
     states, periods = _state_rows(state, EARTH_MOON).copy(), array_of("period", period)
     if np.any(array_of("period", periods, (len(states),)) < 0.0):
@@ -399,15 +391,10 @@ def closest_approaches(state: ArrayLike, duration: float, *, mu: float = MU) -> 
 
     Raises
     ------
-    ConfigurationError
-        If the duration is not positive, or the state is not of 6 finite numbers.
-    ConvergenceError
-        If the step size underflows, as on a collision with a primary, or too many steps are needed.
+    ConfigurationError, ConvergenceError
+        If the duration is not positive, and see `propagate`.
     """
-    if not duration > 0.0:
-        raise ConfigurationError(f"duration = {duration} must be positive")
+    duration = number_of("duration", nondimensional("duration", duration, "time"), positive=True)
     centers = np.array(primary_positions(mu))[:, 0]
-    start, times = state_vector(state), np.array([float(duration)])
-    given = CR3BP(mu), 0.0, start, times, 1e-12, 1e-12, centers
-    _, closest = _integrate(METHODS["dop853"], *given)
-    return float(closest[0]), float(closest[1])
+    given = CR3BP(mu), 0.0, state_vector(state), np.array([duration]), 1e-12, 1e-12, centers
+    return tuple(_integrate(METHODS["dop853"], *given)[1].tolist())

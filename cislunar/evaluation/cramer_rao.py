@@ -41,7 +41,7 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import inside_primary
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of
 from cislunar.runtime.threads import share_out
 
 SIZE = 12
@@ -231,6 +231,8 @@ class CramerRaoBound:
         True shapes, materials and inertia.
     sigma : array_like, shape (12,)
         Initial standard deviations, see `cislunar.estimation.estimator.InitialEstimate`.
+    roots : array_like, shape (target, 12, 12), optional
+        Cholesky factors of initial covariances that differ from `sigma`.
     estimated_parameters : BodyParameterPrior, optional
         Body parameters that have to be estimated; none, if omitted.
     forces : NamedTuple
@@ -248,6 +250,7 @@ class CramerRaoBound:
         surfaces: TargetSurfaces,
         sigma: ArrayLike,
         *,
+        roots: ArrayLike | None = None,
         estimated_parameters: BodyParameterPrior | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
@@ -264,8 +267,11 @@ class CramerRaoBound:
         n_rotation = of_rotation[0].size
         deviations = np.concatenate([deviations, np.ones(n_rotation + of_surface[0].shape[1])])
         self._forces, self._index = forces, 0
+        whole = np.tile(np.diag(deviations), (n_targets, 1, 1))
+        if roots is not None:
+            whole[:, :SIZE, :SIZE] = array_of("roots", roots, (n_targets, SIZE, SIZE))
         self._state = _BoundState(
-            np.tile(np.diag(deviations), (n_targets, 1, 1)),
+            whole,
             np.tile(np.eye(6, 6 + n_rotation), (n_targets, 1, 1)),
             np.tile(np.eye(6).ravel(), (n_targets, 1)),
             np.zeros(n_targets, dtype=bool),

@@ -128,7 +128,8 @@ def catalog_quality(track: Sequence[int], origin: Sequence[int]) -> CatalogQuali
     right = wrong = false_tracks = 0
     for own in np.unique(tracks):
         names, counts = np.unique(origins[tracks == own], return_counts=True)
-        main = int(names[np.argmax(counts)])
+        # of equal counts that of a target, since half of the detections are not most
+        main = int(names[np.lexsort((names == FALSE_ALARM, -counts))[0]])
         if main == FALSE_ALARM:
             false_tracks += 1
             wrong += int(counts.sum())

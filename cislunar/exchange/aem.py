@@ -13,12 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.constants import DATE_SYSTEM
+from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import InputFileError
 from cislunar.exchange import key_values as kvn
 from cislunar.runtime.arguments import UNIT_NORM, Array, array_of, require_unit
 
 BODY = "SC_BODY_1"
 """Name of the body frame of the only body."""
+
+_READ_NORM = 1e-3
+"""Difference from the unit norm up to which a quaternion is normalized that has few digits."""
 
 _TYPES = {"QUATERNION": 4, "QUATERNION/ANGVEL": 7}
 """Attitude types that are read, and the count of their numbers."""
@@ -137,7 +141,7 @@ def _segment(path: str | Path, lines: kvn.Lines) -> AttitudeSegment:
     metadata, rest = kvn.cut(path, lines, "META")
     inside, _ = kvn.cut(path, rest, "DATA")
     conventions = {"QUATERNION_TYPE": ("FIRST", "LAST"), "ATTITUDE_DIR": ("A2B", "B2A")}
-    usable = {**kvn.KNOWN, "ATTITUDE_TYPE": _TYPES, **conventions}
+    usable = {"TIME_SYSTEM": TIME_SYSTEMS, "ATTITUDE_TYPE": _TYPES, **conventions}
     meta = kvn.assignments(path, first, metadata, _REQUIRED, usable)
     count = _TYPES[meta["ATTITUDE_TYPE"]]
     row = f"an attitude of type {meta['ATTITUDE_TYPE']} has {count}"
@@ -146,11 +150,13 @@ def _segment(path: str | Path, lines: kvn.Lines) -> AttitudeSegment:
     quaternion, rates = values[:, :4], values[:, 4:]
     if meta.get("QUATERNION_TYPE") == "FIRST":
         quaternion = np.roll(quaternion, -1, axis=1)
-    wrong = np.flatnonzero(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) > UNIT_NORM)
+    norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    wrong = np.flatnonzero(np.abs(norm - 1.0) > _READ_NORM)
     if wrong.size:
         raise InputFileError(
             f"{path}, line {inside[wrong[0]][0]}: the quaternion is not of unit norm; correct it"
         )
+    quaternion = np.where(np.abs(norm - 1.0) > UNIT_NORM, quaternion / norm, quaternion)
     frames = [meta["REF_FRAME_A"], meta["REF_FRAME_B"]]
     inertial = [frame.upper() in kvn.FRAMES for frame in frames]
     if sum(inertial) != 1:
@@ -165,5 +171,6 @@ def _segment(path: str | Path, lines: kvn.Lines) -> AttitudeSegment:
         raise InputFileError(
             f"{path}, line {first}: ANGVEL_FRAME = {meta['ANGVEL_FRAME']} must be {body}"
         )
-    rates = rates if rates.size else np.empty((0, 3))
+    # the angular velocity of frame B with respect to frame A (504.0-B, annex F)
+    rates = (-rates if inertial[1] else rates) if rates.size else np.empty((0, 3))
     return AttitudeSegment(meta["OBJECT_NAME"], meta["OBJECT_ID"], tdb, quaternion, rates, body)

@@ -47,6 +47,9 @@ ORIGINS = {name: name for name in CENTERS} | {
 SAME_TIME_S = 2e-6
 """Dates closer than this are equal, because they are written to the microsecond."""
 
+UNKNOWN = "UNKNOWN"
+"""Name of an object without a name."""
+
 KNOWN = {"CENTER_NAME": ORIGINS, "TIME_SYSTEM": TIME_SYSTEMS}
 """Keywords of metadata of which only some values can be used."""
 

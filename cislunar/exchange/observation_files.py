@@ -12,6 +12,12 @@ from cislunar.exchange.tdm import read_tdm
 _READERS = {".psv": read_ades, ".tdm": read_tdm}
 """Readers by the ending of a file's name; other files are comma-separated."""
 
+_TEXT = (
+    *("stn", "obsID", "expID", "trkSub", "obsSubID", "sys", "ctr"),
+    *("mode", "band", "astCat", "remarks"),
+)
+"""Columns of a comma-separated table that are text, beside the names of objects."""
+
 
 def observation_table(
     source: str | Path | pd.DataFrame, what: str = "observations"
@@ -48,8 +54,8 @@ def observation_table(
     if reader:
         return reader(source), str(source), InputFileError
     try:
-        # as text, since codes of stations have leading zeros
-        names = dict.fromkeys(("stn", "obsID", "expID", *OBJECT_NAMES), str)
+        # as text, since names and codes may look like numbers with leading zeros
+        names = dict.fromkeys((*_TEXT, *OBJECT_NAMES), str)
         table = pd.read_csv(source, dtype=names, skipinitialspace=True)
     except (OSError, UnicodeDecodeError, ValueError) as error:
         reason = " ".join(str(error).split())

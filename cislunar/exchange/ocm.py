@@ -17,7 +17,13 @@ from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import key_values as kvn
-from cislunar.exchange.oem import Segment, require_segment, require_units
+from cislunar.exchange.oem import (
+    USEABLE,
+    Segment,
+    require_segment,
+    require_units,
+    with_useable_span,
+)
 from cislunar.runtime.arguments import Array
 
 _PREFIX = "USER_DEFINED_"
@@ -37,7 +43,9 @@ _TRAJECTORY = {
     "TRAJ_TYPE": ("CARTPV", "CARTPVA"),
 }
 _MANEUVER = {"MAN_REF_FRAME": kvn.FRAMES, "DC_TYPE": ("CONTINUOUS",)}
-"""Required keywords of the sections, and values that can be used."""
+"""Required keywords of the sections, and values that can be used; `_WITH_DEFAULT` may be missing,
+since its default can be used."""
+_WITH_DEFAULT = "DC_TYPE"
 
 
 class Maneuver(NamedTuple):
@@ -139,6 +147,8 @@ def ocm_text(
         "TRAJ_TYPE": "CARTPV",
         "TRAJ_UNITS": "[km,km,km,km/s,km/s,km/s]",
     }
+    if arc.useable_tdb_s:
+        path |= dict(zip(USEABLE, kvn.dates(arc.span, time_system), strict=True))
     states = kvn.dated_rows(arc.tdb_s, time_system, arc.state)
     lines += ["", *kvn.block("META", meta), "", *kvn.block("TRAJ", path, states)]
     if len(arc.covariance):
@@ -217,9 +227,9 @@ def read_ocm(path: str | Path) -> ObjectRecord:
     """
     lines = kvn.message_lines(path, "OCM", ("3.0",))
     metadata, rest = kvn.cut(path, kvn.segments_of(path, lines)[0], "META")
-    required, known = ("TIME_SYSTEM", "EPOCH_TZERO"), {"TIME_SYSTEM": TIME_SYSTEMS}
+    required, known = ("EPOCH_TZERO",), {"TIME_SYSTEM": TIME_SYSTEMS}
     meta = kvn.assignments(path, metadata[0][0], metadata, required, known, "message")
-    system = meta["TIME_SYSTEM"]
+    system = meta.get("TIME_SYSTEM", "UTC")  # the default of the standard
     zero = kvn.read_date(f"{path}, EPOCH_TZERO", meta["EPOCH_TZERO"], system)
     sections: dict[str, list[kvn.Lines]] = {"TRAJ": [], "COV": [], "MAN": [], "USER": []}
     while rest:
@@ -239,15 +249,17 @@ def read_ocm(path: str | Path) -> ObjectRecord:
     for section in sections["COV"]:
         _, times, rows = read.table("COV", section, _COVARIANCE, (21,))
         covariance = np.array([kvn.from_lower_triangle(row) for row in rows])
+    designator = meta.get("OBJECT_DESIGNATOR") or meta.get("INTERNATIONAL_DESIGNATOR")
     arc = Segment(
-        meta.get("OBJECT_NAME", "UNKNOWN"),
-        meta.get("OBJECT_DESIGNATOR") or meta.get("INTERNATIONAL_DESIGNATOR", "UNKNOWN"),
+        meta.get("OBJECT_NAME") or designator or kvn.UNKNOWN,
+        designator or kvn.UNKNOWN,
         kvn.ORIGINS[trajectory["CENTER_NAME"]],
         tdb,
         state,
         times,
         covariance,
     )
+    arc = with_useable_span(f"{path}, section TRAJ", arc, trajectory, system, zero)
     maneuvers = [each for section in sections["MAN"] for each in read.maneuvers(section)]
     user = [kvn.assignments(path, each[0][0], each, (), {}) for each in sections["USER"] if each]
     named = {key.removeprefix(_PREFIX): value for each in user for key, value in each.items()}
@@ -269,12 +281,14 @@ class _Reader(NamedTuple):
         usable: Mapping[str, Collection[str]],
         counts: Sequence[int],
     ) -> tuple[dict[str, str], Array, Array]:
-        """Keywords, times and numbers of a section. The keywords in `usable` are required."""
+        """Keywords, times and numbers of a section. The keywords in `usable` are required, but for
+        `_WITH_DEFAULT`."""
         end = next((k for k, (_, each) in enumerate(lines) if not kvn.assignment(each)), len(lines))
         if end == len(lines):
             raise InputFileError(f"{self.path}: a section {name} has no line of data; add one")
         place = lines[0][0], lines[:end]
-        found = kvn.assignments(self.path, *place, usable, usable, f"section {name}")
+        required = [key for key in usable if key != _WITH_DEFAULT]
+        found = kvn.assignments(self.path, *place, required, usable, f"section {name}")
         row = f"a line of section {name} has {' or '.join(map(str, counts))}"
         return found, *kvn.timed_rows(
             self.path, lines[end:], self.system, counts, row, self.zero_tdb_s

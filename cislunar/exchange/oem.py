@@ -4,7 +4,7 @@ Versions 1 to 3 are read: header (5.2.2), metadata (5.2.3), ephemeris data lines
 covariance matrices (5.2.5). Accelerations, interpolation hints and comments are ignored.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +22,8 @@ _REQUIRED = (
     *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME"),
     "STOP_TIME",
 )
+_PARTS = slice(3), slice(3, 6)
+USEABLE = ("USEABLE_START_TIME", "USEABLE_STOP_TIME")
 
 
 class Segment(NamedTuple):
@@ -41,6 +43,9 @@ class Segment(NamedTuple):
         Times of the covariances, TDB seconds past J2000.
     covariance : ndarray, shape (matrix, 6, 6)
         km^2, km^2/s and km^2/s^2.
+    useable_tdb_s : tuple of float, optional
+        First and last time at which the arc holds, TDB seconds past J2000; states outside of it
+        serve its interpolation alone. None: from the first to the last state.
     """
 
     name: str
@@ -50,6 +55,12 @@ class Segment(NamedTuple):
     state: Array
     covariance_tdb_s: Array = np.empty(0)
     covariance: Array = np.empty((0, 6, 6))
+    useable_tdb_s: tuple[float, float] | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time at which the arc holds, TDB seconds past J2000."""
+        return self.useable_tdb_s or (float(self.tdb_s[0]), float(self.tdb_s[-1]))
 
 
 def oem_text(
@@ -94,6 +105,10 @@ def oem_text(
         dated = kvn.dates(segment.tdb_s, time_system)
         values = segment.name, segment.object_id, segment.center, kvn.FRAMES[0], time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1]), strict=True))
+        if segment.useable_tdb_s:
+            stop = meta.pop("STOP_TIME")
+            meta |= dict(zip(USEABLE, kvn.dates(segment.span, time_system), strict=True))
+            meta["STOP_TIME"] = stop
         data = kvn.dated_rows(segment.tdb_s, time_system, segment.state)
         lines += ["", *kvn.block("META", meta), "", *data]
         if len(segment.covariance):
@@ -144,10 +159,19 @@ def read_oem(path: str | Path) -> list[Segment]:
 
 
 def objects_of(path: str | Path) -> dict[str, list[Segment]]:
-    """Segments of the objects of a message by name; see `read_oem` for the errors raised."""
+    """Segments of the objects of a message by name; by identifier if the name is unknown, and by
+    both if several objects have the name. See `read_oem` for the errors raised."""
+    segments = read_oem(path)
+    labels = {(each.name, each.object_id) for each in segments}
+    names = [name for name, _ in labels]
     found: dict[str, list[Segment]] = {}
-    for segment in read_oem(path):
-        found.setdefault(segment.name, []).append(segment)
+    for each in segments:
+        name = each.name
+        if name == kvn.UNKNOWN:
+            name = each.object_id
+        elif names.count(name) > 1:
+            name = f"{name} {each.object_id}"
+        found.setdefault(name, []).append(each._replace(name=name))
     return found
 
 
@@ -165,8 +189,31 @@ def _segment(path: str | Path, lines: kvn.Lines) -> Segment:
     kvn.require_stop(path, rest[:end] or lines, meta, tdb, "states")
     require_units(f"{path}, line {rest[0][0]}", tdb, state)
     covariances = _covariances(path, rest[end:], system)
-    center = kvn.ORIGINS[meta["CENTER_NAME"]]
-    return Segment(meta["OBJECT_NAME"], meta["OBJECT_ID"], center, tdb, state, *covariances)
+    center, names = kvn.ORIGINS[meta["CENTER_NAME"]], (meta["OBJECT_NAME"], meta["OBJECT_ID"])
+    found = Segment(*names, center, tdb, state, *covariances)
+    return with_useable_span(f"{path}, line {lines[0][0]}", found, meta, system)
+
+
+def with_useable_span(
+    place: str,
+    arc: Segment,
+    meta: Mapping[str, str],
+    system: str,
+    zero_tdb_s: float | None = None,
+) -> Segment:
+    """An arc with the useable span that its metadata state, if they do; for `system` and
+    `zero_tdb_s` see `cislunar.exchange.key_values.read_date`."""
+    if not any(key in meta for key in USEABLE):
+        return arc
+    first, last = (
+        kvn.read_date(f"{place}, {key}", meta[key], system, zero_tdb_s) if key in meta else end
+        for key, end in zip(USEABLE, arc.span, strict=True)
+    )
+    if not arc.span[0] - kvn.SAME_TIME_S <= first <= last <= arc.span[1] + kvn.SAME_TIME_S:
+        raise InputFileError(
+            f"{place}: {' and '.join(USEABLE)} must be in order and within the states; correct them"
+        )
+    return arc._replace(useable_tdb_s=(first, last))
 
 
 def _covariances(path: str | Path, lines: kvn.Lines, system: str) -> tuple[Array, Array]:
@@ -211,7 +258,12 @@ def require_units(place: str, tdb: Array, state: Array) -> None:
         return
     moved = np.linalg.norm(np.diff(state[:, :3], axis=0), axis=1)
     expected = np.diff(tdb) * np.linalg.norm(state[1:, 3:] + state[:-1, 3:], axis=1) / 2.0
-    ratio = float(np.median(moved) / max(np.median(expected), 1e-300))
+    distance, speed = (np.linalg.norm(state[:-1, part], axis=1) for part in _PARTS)
+    # steps of a large part of a revolution, or of several, say nothing
+    long = (np.diff(tdb) * speed > 0.5 * distance) & (distance > 1e3) & (speed < 20.0)
+    if long.all():
+        return
+    ratio = float(np.median(moved[~long]) / max(np.median(expected[~long]), 1e-300))
     if not 0.01 < ratio < 30.0:
         raise InputFileError(
             f"{place}: positions move {ratio:.3g} times as far as their velocities imply; an OEM "
@@ -242,11 +294,14 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
     InputFileError
         If no segment covers the time.
     """
-    for each in segments:
+    same = kvn.SAME_TIME_S
+    covering = [each for each in segments if each.span[0] - same <= tdb_s <= each.span[1] + same]
+    if covering:
+        each = max(covering, key=lambda segment: segment.span[0])  # after a maneuver, not before it
         nearest = int(np.argmin(np.abs(each.tdb_s - tdb_s)))
-        if abs(each.tdb_s[nearest] - tdb_s) <= kvn.SAME_TIME_S:
+        if abs(each.tdb_s[nearest] - tdb_s) <= same:
             return each.state[nearest], each.center
-        if each.tdb_s[0] < tdb_s < each.tdb_s[-1]:
+        if each.tdb_s.size > 1:
             low = max(0, min(int(np.searchsorted(each.tdb_s, tdb_s)) - 2, each.tdb_s.size - 4))
             near = slice(low, low + 4)
             since, states = each.tdb_s[near] - tdb_s, each.state[near]
@@ -257,7 +312,7 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
             )
             return np.concatenate([path(0.0), path.derivative(0.0) / span]), each.center
     name = segments[0].name
-    spans = ", ".join(f"{clock_text(e.tdb_s[0])} to {clock_text(e.tdb_s[-1])}" for e in segments)
+    spans = ", ".join(" to ".join(map(clock_text, each.span)) for each in segments)
     raise InputFileError(
         f"object {name}: {clock_text(tdb_s)} (TDB) is not within {spans}; choose another epoch"
     )

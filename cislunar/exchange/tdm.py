@@ -27,7 +27,6 @@ from cislunar.exchange.observations import (
 )
 from cislunar.exchange.table_rows import read_number
 
-_UNKNOWN = "UNKNOWN"
 _KEYS = {"ANGLE_1": "ra", "ANGLE_2": "dec", "MAG": "mag"}
 _TEXT = ("stn", "artSat", "trkSub", "ephemeris")
 _USABLE = {
@@ -39,6 +38,7 @@ _USABLE = {
     "CORRECTIONS_APPLIED": ("YES",),
 }
 """Values of keywords that can be used; others would change the meaning of the data."""
+_CORRECTIONS = ("CORRECTION_ANGLE_1", "CORRECTION_ANGLE_2", "CORRECTION_MAG")
 
 
 def tdm_text(
@@ -103,7 +103,7 @@ def tdm_text(
         meta |= {
             "TIME_SYSTEM": time_system,
             "PARTICIPANT_1": observer,
-            "PARTICIPANT_2": each or _UNKNOWN,
+            "PARTICIPANT_2": each or kvn.UNKNOWN,
             "MODE": "SEQUENTIAL",
             "PATH": "2,1",
         }
@@ -165,6 +165,10 @@ def _segment(path: str | Path, lines: kvn.Lines) -> list[tuple]:
         place, pair = f"{path}, line {number}", kvn.assignment(line)
         if not pair or len(fields := pair[1].split()) != 2:
             raise InputFileError(f"{place}: {line[:40]!r} is no keyword with a date and a number")
+        if pair[0] in ("CLOCK_BIAS", "CLOCK_DRIFT") and read_number(place, fields[1]) != 0.0:
+            raise InputFileError(
+                f"{place}: {pair[0]} is not applied to the dates; correct them and remove it"
+            )
         if pair[0] in _KEYS:
             row = found.setdefault(kvn.read_date(place, fields[0], meta["TIME_SYSTEM"]), {})
             if pair[0] in row:
@@ -184,9 +188,20 @@ def _segment(path: str | Path, lines: kvn.Lines) -> list[tuple]:
             "and of the observer, two participants that are named"
         )
     which = meta["PATH"].split(",")[-1]
+    delay = f"RECEIVE_DELAY_{which}"
+    if read_number(f"{path}, {delay}", meta.get(delay, "0")) != 0.0:
+        raise InputFileError(
+            f"{path}, line {first}: {delay} is not applied to the dates; correct them and remove it"
+        )
+    stated = [key for key in _CORRECTIONS if key in meta]
+    if stated and "CORRECTIONS_APPLIED" not in meta:
+        raise InputFileError(
+            f"{path}, line {first}: {stated[0]} without CORRECTIONS_APPLIED; apply the correction "
+            "and state CORRECTIONS_APPLIED = YES"
+        )
     text = (
         names[1],
-        "" if names[0] == _UNKNOWN else names[0],
+        "" if names[0] == kvn.UNKNOWN else names[0],
         meta.get("TRACK_ID", ""),
         meta.get(f"EPHEMERIS_NAME_{which}", ""),
     )

@@ -46,6 +46,8 @@ def array_of(
         If the argument has another shape, or a value is no number or not finite. The message gives
         the indices of the first such value along the axes that are named.
     """
+    if hasattr(given, "unit") and hasattr(given, "to_value") and str(given.unit):
+        raise ConfigurationError(f"{name} has the unit {given.unit}; give numbers without a unit")
     try:
         found = np.asarray(given)
     except ValueError:  # rows of different lengths

@@ -112,12 +112,13 @@ def cell_messages(
     if ending == ".csv":
         return {"": segments_csv(arcs, time_system=time_system)}
     maneuvers = {} if which == "observers" else cell_maneuvers(cell, sun, which, seed=seed)
-    return {
-        f"_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}": ocm_text(
-            each, maneuvers.get(each.name, ()), **message
-        )
-        for each in arcs
-    }
+    found: dict[str, str] = {}
+    for number, each in enumerate(arcs, 1):
+        ending = f"_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}"
+        # names that differ only by other signs have the number of the object as well
+        ending += f"_{number}" if ending in found else ""
+        found[ending] = ocm_text(each, maneuvers.get(each.name, ()), **message)
+    return found
 
 
 def check_seed(cell: xr.Dataset, seed: int) -> None:

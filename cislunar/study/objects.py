@@ -16,8 +16,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
+from cislunar.campaign.data.own_targets import objects_dataset
 from cislunar.campaign.settings.cell_settings import sensor_change
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError, did_you_mean, known_keys
 from cislunar.exchange.inertial import Epoch, rotating_state_at
@@ -29,9 +32,9 @@ from cislunar.quantities import in_kilometers, in_unit, nondimensional
 from cislunar.runtime.arguments import Array, array_of, number_of, require_unit
 from cislunar.runtime.settings_words import shown
 from cislunar.study.orbit_text import member_of, members_of, read_orbit, state_of
-from cislunar.targets.tables import check_closed_targets, load_target_states
+from cislunar.targets.tables import TargetStates, check_closed_targets, load_target_states
 
-_SAMPLES = 721
+PATH_POINTS = 721
 """Points of the path of an orbit in a figure."""
 _OF_FAMILY = ("family", "jacobi", "period_days", "member", "phase", "count")
 _WAYS = ("family", "state", "state_km", "icrf_km", "oem")
@@ -84,11 +87,16 @@ class StudyObject(NamedTuple):
     quaternion: tuple[float, ...] | None = None
     angular_velocity_deg_h: tuple[float, ...] | None = None
 
+    @property
+    def designator(self) -> str:
+        """OBJECT_ID of the messages; the name without any."""
+        return self.segments[0].object_id if self.segments else self.name
+
     def path(self, duration: float) -> Array:
         """Positions (time, 3) over a period, or a nondimensional duration if it is not closed."""
         if not self.period:
-            return propagate(self.state, np.linspace(0.0, duration, _SAMPLES))[:, :3]
-        times = np.linspace(-0.5, 0.5, _SAMPLES) * self.period
+            return propagate(self.state, np.linspace(0.0, duration, PATH_POINTS))[:, :3]
+        times = np.linspace(-0.5, 0.5, PATH_POINTS) * self.period
         return propagate_periodic(self.state, self.period, times)[:, :3]
 
 
@@ -284,6 +292,7 @@ def _state(place: str, key: str, given: Any, unit: str) -> Array:
 def _estimate(place: str, key: str, given: Any) -> Any:
     """A key of the initial estimate."""
     axes = {"covariance_km": (6, 6), "quaternion": (4,), "angular_velocity_deg_h": (3,)}[key]
+    given = in_unit(f"{place}: {key}", given, "deg/h") if key.endswith("deg_h") else given
     values = array_of(f"{place}: {key}", given, axes)
     if key == "quaternion":
         require_unit(f"{place}: quaternion", values)
@@ -293,3 +302,12 @@ def _estimate(place: str, key: str, given: Any) -> Any:
     ):
         raise ConfigurationError(f"{place}: covariance_km is not symmetric and positive definite")
     return values if key == "covariance_km" else tuple(values.tolist())
+
+
+def orbits_of_objects(objects: Sequence[StudyObject], dim: str) -> xr.Dataset:
+    """Objects as a data set of orbits."""
+    keys = "name", "family", "state", "period"
+    name, family, state, period = ([getattr(each, key) for each in objects] for key in keys)
+    given = TargetStates(name, family, np.array(state), np.array(period))
+    units = {"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S}
+    return objects_dataset(dim, given).assign_attrs(units)

@@ -74,7 +74,8 @@ def read_observations(
         Table of the columns of this module, its name and its class of errors, see
         `cislunar.exchange.observation_files.observation_table`.
     observers, targets : sequence of str
-        Names. Upper and lower case of the names of observers are equivalent.
+        Names. Upper and lower case of the names of observers are equivalent, unless two names
+        differ by it alone.
     sensors : sequence of Sensor
         Sensor of each observer.
     epoch_tdb : float
@@ -91,14 +92,18 @@ def read_observations(
     """
     given = checked(table, (*_RMS, *OBJECT_NAMES), (*REQUIRED, "mag"), fault, place)
     given["object"] = object_of(given)
-    given["place"] = given["stn"].str.casefold()
-    of_observer = {name.casefold(): k for k, name in enumerate(observers)}
+    folded = [name.casefold() for name in observers]
+    of_observer = {name: k for k, name in enumerate(folded) if folded.count(name) == 1}
+    exact = {name: k for k, name in enumerate(observers)}
+    given["place"] = [
+        exact.get(name, of_observer.get(name.casefold(), -1)) for name in given["stn"].tolist()
+    ]
     of_target = {name: k for k, name in enumerate(targets)}
     elapsed = tdb_since(epoch_tdb, given["tdb"].to_numpy())
     rule = f"be one of the targets {', '.join(targets)}, in {', '.join(OBJECT_NAMES)}"
     once = "differ from those of earlier rows of the same observer and target"
     for name, right, words in (
-        ("stn", given["place"].isin(of_observer), f"be one of {', '.join(observers)}"),
+        ("stn", given["place"] >= 0, f"be one of {', '.join(observers)}"),
         ("object", given["object"].isin(of_target), rule),
         ("obsTime", elapsed > 0.0, "be after the epoch"),
         ("obsTime", ~given.duplicated(["place", "object", "tdb"]), once),
@@ -106,7 +111,7 @@ def read_observations(
         require(given, name, right, words, fault, place)
     if given.empty:
         raise fault(f"{place}: contains no observation; add a row per observation")
-    observer, target = given["place"].map(of_observer), given["object"].map(of_target)
+    observer, target = given["place"], given["object"].map(of_target)
     value = np.column_stack([given["mag"], np.deg2rad(given["ra"]), np.deg2rad(given["dec"])])
     usual = [noise_at(sensors[k], each) for k, each in zip(observer, value[:, 0], strict=True)]
     known = given[[*_RMS]].to_numpy()

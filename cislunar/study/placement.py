@@ -7,6 +7,7 @@ import numpy as np
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.tracking.cell import Placement, scene_times
 from cislunar.campaign.tracking.ephemeris_inputs import CellEphemeris, observer_tracks
+from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, is_low_lunar
@@ -20,7 +21,7 @@ from cislunar.exchange.inertial import (
 from cislunar.exchange.key_values import CENTERS
 from cislunar.exchange.oem import Segment, state_at
 from cislunar.runtime.arguments import Array
-from cislunar.study.objects import StudyObject
+from cislunar.study.objects import PATH_POINTS, StudyObject
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.settings import LoopSettings
 from cislunar.visibility.tracks import satellite_tracks
@@ -99,6 +100,16 @@ def _track(
         return satellite_tracks(*flown, [0.0], times, propagator=_PROPAGATOR)[0, 0]
     given = ephemeris, settings.dynamics, *flown, [np.zeros(1)], loop.elapsed_s
     return observer_tracks(*given)[0]
+
+
+def flown_path(observer: StudyObject, epoch: Epoch, duration_s: float) -> Array:
+    """Positions (time, 3) of an observer, nondimensional, rotating frame: from its ephemeris over a
+    duration, or along its orbit (`StudyObject.path`)."""
+    if not observer.segments:
+        return observer.path(duration_s / TIME_UNIT_S)
+    elapsed = np.linspace(0.0, duration_s, PATH_POINTS)
+    times = zip(tdb_after(epoch.tdb_s, elapsed), elapsed, strict=True)
+    return np.array([_state_at(observer.segments, *each, epoch, None)[:3] for each in times])
 
 
 def _state_at(

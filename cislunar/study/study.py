@@ -17,7 +17,6 @@ from cislunar.campaign.data.inputs import (
     sun_dataset,
     variables,
 )
-from cislunar.campaign.data.own_targets import objects_dataset
 from cislunar.campaign.kernels import tracking_files
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
@@ -28,7 +27,7 @@ from cislunar.campaign.settings.tracking_checks import require_consistent
 from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loop
 from cislunar.campaign.tracking.dataset import SETTING_KEYS, cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
-from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.constants import DATE_SYSTEM, TIME_UNIT_S
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.key_values import dates
@@ -44,12 +43,11 @@ from cislunar.runtime.progress import logger, progress_log, shown
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.settings_fields import shortened_interval
 from cislunar.study.estimation import ObservedResult, estimate
-from cislunar.study.objects import StudyObject, read_objects
+from cislunar.study.objects import StudyObject, orbits_of_objects, read_objects
 from cislunar.study.observed import Observed, read_observations
-from cislunar.study.placement import place_objects
+from cislunar.study.placement import flown_path, place_objects
 from cislunar.study.results import StudyResult
 from cislunar.study.settings import StudySettings, study_settings
-from cislunar.targets.tables import TargetStates
 from cislunar.tasking.detection_outcomes import SettingNames
 
 if TYPE_CHECKING:
@@ -82,7 +80,7 @@ class Study:
     observations : DataFrame, str or Path, optional
         Real observations (`cislunar.study.observed`), a table or a file (CSV, ADES or TDM), from
         which `run` estimates orbits and attitudes, without a simulation. The dynamics are then
-        those of the ephemeris unless ``dynamics`` states others.
+        those of the ephemeris unless ``truth`` or ``filter`` of ``dynamics`` state others.
     light_time : bool
         Whether the directions of `observations` are astrometric, that is, those of targets at the
         time at which the light left them; False if they are geometric.
@@ -124,8 +122,10 @@ class Study:
     ) -> None:
         given = settings if epoch is None else {**settings, "epoch": date_of(epoch)}
         require_kind("light_time", light_time, bool, "give True or False")
-        if observations is not None:
-            given = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}} | given
+        stated = given.get("dynamics", {})
+        if observations is not None and isinstance(stated, Mapping):
+            truth = stated.get("truth", "ephemeris")
+            given = {**given, "dynamics": {"truth": truth, "filter": truth, **stated}}
         self.observers: list[StudyObject] = []
         with self._own_words():
             chosen = study_settings(given)
@@ -169,8 +169,15 @@ class Study:
         return [*(each.name for each in self.observers), *self.settings.stations]
 
     def _described(self, found: xr.Dataset, sun: xr.Dataset, title: str) -> xr.Dataset:
-        """A data set with its title, its epoch and the names of the observers."""
-        names = variables(observer_name=("observer", self.observer_names, "1", "name"))
+        """A data set with its title, its epoch and the names of observers and targets."""
+        known = [*(each.designator for each in self.observers), *self.settings.stations]
+        words = "OBJECT_ID of its messages, or its name"
+        names = variables(
+            observer_name=("observer", self.observer_names, "1", "name"),
+            observer_designator=("observer", known, "1", words),
+            target_name=("target", [each.name for each in self.targets], "1", "name"),
+            target_designator=("target", [each.designator for each in self.targets], "1", words),
+        )
         (epoch,) = dates([frame_epoch(sun).tdb_s], DATE_SYSTEM)
         return found.assign_coords(names).assign_attrs(title=title, epoch=f"{epoch} {DATE_SYSTEM}")
 
@@ -241,7 +248,10 @@ class Study:
         bodies = bodies_dataset(given) if needs or own.stations else None
         rows = np.arange(len(self.observers))
         chosen = xr.Dataset({"orbit": ("slot", rows), "satellites": ("slot", np.ones_like(rows))})
-        observed, tracked = _orbits(self.observers, "orbit"), _orbits(self.targets, "target")
+        observed, tracked = (
+            orbits_of_objects(self.observers, "orbit"),
+            orbits_of_objects(self.targets, "target"),
+        )
         return CellInputs(chosen, observed, tracked, sun_dataset(given), bodies)
 
     def _placement(self, inputs: CellInputs) -> Any:
@@ -264,15 +274,16 @@ class Study:
         -------
         observers, targets : dict of str to (ndarray, ndarray)
             By name, the position at the epoch, shape (3,), and the path, shape (time, 3): one
-            period of a closed orbit, else that of the run; nondimensional, rotating frame of the
-            CR3BP.
+            period of a closed orbit, else that of the run, of an observer with an ephemeris its
+            own; nondimensional, rotating frame of the CR3BP.
         """
-        run = self.settings.duration_hours * 3600.0 / TIME_UNIT_S
-        observers, targets = (
-            {each.name: (each.state[:3], each.path(run)) for each in objects}
-            for objects in (self.observers, self.targets)
+        run_s, epoch = self.settings.duration_hours * 3600.0, frame_epoch(self._inputs().sun)
+        flown = (flown_path(each, epoch, run_s) for each in self.observers)
+        coasting = (each.path(run_s / TIME_UNIT_S) for each in self.targets)
+        return tuple(
+            {each.name: (each.state[:3], path) for each, path in zip(objects, paths, strict=True)}
+            for objects, paths in ((self.observers, flown), (self.targets, coasting))
         )
-        return observers, targets
 
     def plot(self) -> Figure:
         """Draw the orbits of observers and targets in space.
@@ -310,10 +321,11 @@ class Study:
         from cislunar.figures.space.orbits_page import orbits_page
 
         given = ((each.name, each.state, each.period) for each in self.observers)
-        found = concatenate([orbit_through(*each, self._days) for each in given])
-        closed = OrbitSet(*(column[found.period > 0.0] for column in found))
+        found = [orbit_through(*each) for each in given if each[2] > 0.0]
+        nothing = OrbitSet(np.empty(0, str), np.empty((0, 6)), *np.empty((5, 0)))
+        closed = concatenate(found) if found else nothing
         orbits = orbit_set_dataset(closed, "orbit", "Observers of a study", {})
-        text = orbits_page(orbits, _orbits(self.targets, "target"), {}, {})
+        text = orbits_page(orbits, orbits_of_objects(self.targets, "target"), {}, {})
         if path is not None:
             write_text(text, path)
         return text
@@ -369,8 +381,6 @@ class Study:
             given = self._observed, rotation, self.settings.seed, progress_log("intervals")
             found = estimate(loop.inputs, *given, light_time=self._light_time)
         title = f"Estimates of {len(self.targets)} targets from observations"
-        names = [each.name for each in self.targets]
-        found = found.assign_coords(variables(target_name=("target", names, "1", "name")))
         found.attrs |= provenance(title, settings=kept, seed=self.settings.seed)
         return ObservedResult(self, self._described(found, inputs.sun, title), inputs.sun)
 
@@ -388,12 +398,3 @@ def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
     """Show progress on the terminal if no logging is configured, and that of compilation."""
     with shown(), announced(tracking_files(settings, estimator)):
         yield
-
-
-def _orbits(objects: list[StudyObject], dim: str) -> xr.Dataset:
-    """Objects as a data set of orbits."""
-    keys = "name", "family", "state", "period"
-    name, family, state, period = ([getattr(each, key) for each in objects] for key in keys)
-    given = TargetStates(name, family, np.array(state), np.array(period))
-    units = {"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S}
-    return objects_dataset(dim, given).assign_attrs(units)

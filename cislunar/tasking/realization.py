@@ -76,6 +76,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         true_scene,
         truth.surfaces,
         inputs.initial.sigma,
+        roots=None if inputs.initial.covariance is None else inputs.initial.roots(),
         estimated_parameters=inputs.abilities.estimated_parameters,
         forces=truth.forces,
     )

@@ -157,7 +157,7 @@ class TrueMotion:
     Parameters
     ----------
     initial : InitialEstimate
-        Mean and standard deviations at the start, from which the true states are drawn.
+        Mean and covariances at the start, from which the true states are drawn.
     scene : Scene
         Grid of times.
     noise : array_like, shape (3,)
@@ -213,7 +213,11 @@ class TrueMotion:
         ids = np.asarray(target_ids)
         require_span(forces, 0.0, scene.step * (scene.sun_position.shape[0] - 1))
         normals = [stream(INITIAL_ERROR, seed, j).standard_normal(12) for j in ids]
-        error = np.array(normals) * initial.sigma
+        error = np.array(normals)
+        if initial.covariance is None:
+            error *= initial.sigma
+        else:
+            error = np.sum(initial.roots() * error[:, None], axis=2)
         self._scene, self._forces = scene, forces
         self._noise = np.asarray(noise, dtype=float)
         spherical = np.tile(np.eye(3), (ids.size, 1, 1))

@@ -79,7 +79,8 @@ def test_gaps_repeated_states_and_impossible_covariances_are_refused(made, truth
         ("assignments.csv", "object,obsID\nmine 0,1\nmine 0,1\n", "occurs twice"),
         ("assignments.csv", "object\nmine 0\n", "no column obsID"),
         ("objects.csv", "object,cataloged_utc\nmine 0,soon\n", "cataloged_utc"),
-        ("objects.csv", "object,cataloged_utc\nmine 0,2027-03-02\n", "not within the benchmark"),
+        ("objects.csv", "object,cataloged_utc\nmine 0,2027-03-02\n", "is not from 2027-03-01T00"),
+        ("objects.csv", "object,cataloged_utc\nmine 0,2027-03-01T03:01\n", "first scored state"),
     ],
 )
 def test_unusable_assignments_and_dates_are_refused(file, text, words, made, truth, tmp_path):
@@ -88,6 +89,38 @@ def test_unusable_assignments_and_dates_are_refused(file, text, words, made, tru
     (folder / "mine.csv").write_text(segments_csv(arcs(read_scenario(made), truth, [0])))
     (folder / file).write_text(text)
     refused(folder, made, words)
+
+
+def test_every_object_needs_a_date_if_one_has_it(made, truth, tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "mine.csv").write_text(segments_csv(arcs(read_scenario(made), truth, [0, 1])))
+    (folder / "objects.csv").write_text("object,cataloged_utc\nmine 0,2027-03-01T03:00\n")
+    refused(folder, made, "object 'mine 1' has no date; give one of each object")
+
+
+def test_a_later_segment_counts_where_another_one_ends(made, truth, tmp_path):
+    scenario, path = read_scenario(made), tmp_path / "mine.oem"
+    times = scenario.scoring_tdb
+    (arc,) = arcs(scenario, truth, [0])
+    whole = score_submission(write_oem(path, [arc], scenario), made)
+    wrong = arc.state + np.array([50.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    first = arc._replace(state=np.stack([arc.state[0], wrong[1]]))
+    second = arc._replace(tdb_s=times[1:2], state=arc.state[1:2])
+    moved = arc.state[1] + np.append(60.0 * arc.state[1, 3:], np.zeros(3))
+    later = arc._replace(
+        tdb_s=np.append(times[1:2], times[1] + 60.0), state=np.stack([arc.state[1], moved])
+    )
+    for segments in ([first, later], [later, first]):
+        score = score_submission(write_oem(path, segments, scenario), made)
+        pd.testing.assert_frame_equal(score, whole)
+    write_oem(path, [first, second, second], scenario)
+    refused(path, made, "two states at")
+
+
+def write_oem(path, segments, scenario):
+    path.write_text(oem_text(segments, created=scenario.epoch))
+    return path
 
 
 def test_an_empty_submission_is_refused(made, tmp_path):

@@ -54,6 +54,11 @@ def test_parts_of_a_catalog():
     assert (found.false_tracks, found.fragments) == (1, 2.0)
 
 
+def test_a_track_half_of_false_alarms_belongs_to_its_target():
+    found = catalog_quality([0, 0, 1, 1], [FALSE_ALARM, 3, 3, 2])
+    assert (found.purity, found.wrong_associations, found.false_tracks) == (0.5, 2, 0)
+
+
 @pytest.mark.parametrize(
     "change, words",
     [({"cutoff": 0.0}, "cutoff = 0"), ({"order": 0.5}, "order = 0.5"),

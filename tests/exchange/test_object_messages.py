@@ -101,9 +101,28 @@ def test_other_conventions_are_converted(attitudes, tmp_path):
     swapped = swapped.replace("FRAME_B = SC_BODY_1", "FRAME_B = EME2000")
     (back,) = read_aem(file_of(tmp_path, swapped, "b.aem"))
     np.testing.assert_array_equal(back.quaternion, inverse(wanted))
+    text = aem_text(attitudes[:1], created=CREATED)
+    swapped = text.replace("FRAME_A = ICRF", "FRAME_A = SC_BODY_1")
+    swapped = swapped.replace("FRAME_B = SC_BODY_1", "FRAME_B = EME2000")
+    (back,) = read_aem(file_of(tmp_path, swapped, "c.aem"))
+    # the file states the angular velocity of the reference frame with respect to the body
+    np.testing.assert_array_equal(back.angular_velocity_deg_s, -attitudes[0].angular_velocity_deg_s)
     vector = np.array([1.0, -2.0, 0.5])
     turned = Rotation.from_quat(wanted).inv().apply(vector)
     np.testing.assert_allclose(to_body(wanted, vector), turned, atol=1e-14)
+
+
+def test_quaternions_of_few_digits_and_centers_are_read(attitudes, tmp_path):
+    rounded = attitudes[1]._replace(quaternion=np.array([[0.57543, 0.57543, 0.57543, 0.08167]]))
+    rounded = rounded._replace(tdb_s=attitudes[1].tdb_s[:1])
+    unit = rounded.quaternion / np.linalg.norm(rounded.quaternion)
+    text = aem_text([rounded._replace(quaternion=unit)], created=CREATED)
+    row = " ".join(f"{each:.16e}" for each in unit[0])
+    text = text.replace(row, "0.57543 0.57543 0.57543 0.08167")
+    text = text.replace("META_START\n", "META_START\nCENTER_NAME = MARS BARYCENTER\n")
+    (back,) = read_aem(file_of(tmp_path, text, "a.aem"))
+    np.testing.assert_allclose(back.quaternion, unit, rtol=1e-15)
+    assert abs(np.linalg.norm(rounded.quaternion) - 1.0) > 1e-6
 
 
 @pytest.mark.parametrize(
@@ -226,6 +245,19 @@ MAN_STOP
     assert back.arc.object_id == "UNKNOWN" and np.isnan(back.maneuvers[0].direction_sigma_deg)
 
 
+def test_defaults_of_the_standard_may_be_left_out(segment, maneuvers, tmp_path):
+    """Table 6-3 and 6-9 of CCSDS 502.0-B-3; an object without a name has its designator."""
+    text = ocm_text(segment._replace(object_id="2029-001A"), maneuvers, created=CREATED)
+    whole = read_ocm(file_of(tmp_path, text, "a.ocm"))
+    for line in ("TIME_SYSTEM = UTC\n", "DC_TYPE = CONTINUOUS\n", "OBJECT_NAME = HALO 1\n"):
+        assert line in text
+        text = text.replace(line, "")
+    back = read_ocm(file_of(tmp_path, text, "b.ocm"))
+    assert back.arc.name == "2029-001A"
+    np.testing.assert_array_equal(back.arc.tdb_s, whole.arc.tdb_s)
+    assert [each.tdb_s for each in back.maneuvers] == [each.tdb_s for each in whole.maneuvers]
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [
@@ -235,7 +267,8 @@ MAN_STOP
         ("COV_ORDERING = LTM", "COV_ORDERING = FULL", "COV_ORDERING = FULL cannot be used"),
         ("MAN_REF_FRAME = ICRF", "MAN_REF_FRAME = RTN", "MAN_REF_FRAME = RTN cannot be used"),
         ("DV_X,DV_Y,DV_Z", "ACC_X,ACC_Y,ACC_Z", "MAN_COMPOSITION must be a time, DV_X"),
-        ("DC_TYPE = CONTINUOUS\n", "", "the section MAN lacks DC_TYPE"),
+        ("MAN_REF_FRAME = ICRF\n", "", "the section MAN lacks MAN_REF_FRAME"),
+        ("DC_TYPE = CONTINUOUS", "DC_TYPE = TIME", "DC_TYPE = TIME cannot be used"),
         ("TRAJ_STOP", "", "no TRAJ_STOP; the file is cut short"),
         (r"(?s)TRAJ_START.*TRAJ_STOP", "", "0 sections TRAJ; one of them can be read"),
         (r"2024-10-01T03:00:00\S* \S+ ", "2024-10-01T03:00:00 ", "5 numbers after the date where"),

@@ -16,6 +16,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.exchange import (
     ades_text,
     observation_dates,
+    observation_table,
     read_ades,
     read_tdm,
     tdm_text,
@@ -129,6 +130,9 @@ def test_detections_without_a_name_are_unknown_objects(table, tmp_path):
         (r"(ANGLE_2 = \S+ )\S+", r"\g<1>91.0", "a declination beyond 90 degrees"),
         (r"(ANGLE_1 = \S+ \S+\n)", r"\1\1", "line 19: a second ANGLE_1"),
         (r"ANGLE_1 = \S+ ", "ANGLE_1 = yesterday ", "line 18: 'yesterday' is not a date"),
+        ("PATH = 2,1\n", "PATH = 2,1\nRECEIVE_DELAY_1 = 2.0\n", "RECEIVE_DELAY_1 is not applied"),
+        ("DATA_START\n", "DATA_START\nCLOCK_BIAS = 2016-12-31T00:00:00 -2.0\n", "line 18: CLOCK_B"),
+        ("PATH = 2,1\n", "PATH = 2,1\nCORRECTION_ANGLE_1 = 1\n", "without CORRECTIONS_APPLIED"),
         (r"(?s)ANGLE_1.*MAG[^\n]*", "RANGE = 2016-12-31T00:00:00 1.0", "neither angles nor"),
     ],
 )
@@ -136,6 +140,20 @@ def test_a_faulty_tracking_data_message_is_refused_in_a_line(table, tmp_path, ol
     few = table[table["mag"].notna()].head(1)
     text = spoil(tdm_text(few, created=CREATED, comments=["one"]), old, new)
     refused(read_tdm, file_of(tmp_path, text, "a.tdm"), message)
+
+
+def test_names_in_a_comma_separated_table_are_text(table, tmp_path):
+    """Names of tracklets that are equal as numbers differ, and observers may be in space or not."""
+    few = table.drop(columns="artSat").head(3).assign(trkSub=["12", "012", "1E1"])
+    few.loc[2, ["sys", "ctr"]] = ""
+    few.loc[2, ["pos1", "pos2", "pos3"]] = np.nan
+    few.to_csv(tmp_path / "a.csv", index=False)
+    back, *_ = observation_table(tmp_path / "a.csv")
+    assert back["trkSub"].tolist() == ["12", "012", "1E1"]
+    assert back["ctr"].tolist()[:2] == ["399", "399"]
+    text = ades_text(back.assign(stn=["247", "270", "F51"]))
+    for name in ("12", "012", "1E1"):
+        assert f"|{name} " in text or f"|{name}|" in text or f"\n{name} " in text
 
 
 # ADES

@@ -16,7 +16,7 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange.arcs import arc, inertial_arc, rotating_arc
 from cislunar.exchange.inertial import epoch_at, inertial_states
 from cislunar.exchange.ocm import ocm_text
-from cislunar.exchange.oem import oem_text, read_oem, state_at
+from cislunar.exchange.oem import Segment, objects_of, oem_text, read_oem, state_at
 from cislunar.exchange.state_tables import read_segments, segments_csv
 from cislunar.orbits import load_observers
 from cislunar.study import read_study
@@ -94,6 +94,51 @@ def test_states_between_those_of_a_message(epoch, segment, at):
     assert center == "EARTH"
     assert np.linalg.norm(found[:3] - wanted[:3]) < 1e-3
     assert np.linalg.norm(found[3:] - wanted[3:]) < 1e-6
+
+
+def test_arcs_are_used_within_their_useable_spans(epoch, tmp_path):
+    """Both arcs of a maneuver have states beyond it, for interpolation (CCSDS 502.0-B-3,
+    5.2.4.4)."""
+    times = epoch.tdb_s + 3_600.0 * np.arange(-2.0, 3.0)
+    still = np.tile([4e5, 0.0, 0.0, 0.0, 1.0, 0.0], (5, 1))
+    still[:, 1] += (times - epoch.tdb_s) * 1.0
+    moved = still.copy()
+    moved[:, 0], moved[:, 3] = moved[:, 0] + 0.5 * (times - epoch.tdb_s), 0.5
+    before, after = (
+        Segment("one", "1", "EARTH", times, state, useable_tdb_s=span)
+        for state, span in ((still, (times[0], times[2])), (moved, (times[2], times[4])))
+    )
+    path = file_of(tmp_path, oem_text([before, after], created="2030-01-01T00:00:00"))
+    segments = read_oem(path)
+    for found, wanted in zip(segments, (before, after), strict=True):
+        np.testing.assert_allclose(found.span, wanted.span, rtol=0.0, atol=1e-6)
+    for at, speed in ((-1_800.0, 0.0), (-3_600.0, 0.0), (0.0, 0.5), (1_800.0, 0.5), (3_600.0, 0.5)):
+        state, _ = state_at(segments, epoch.tdb_s + at)
+        assert state[3] == pytest.approx(speed, abs=1e-9)
+        assert state[0] == pytest.approx(4e5 + speed * at, abs=1e-5)
+    one = [segments[0]]
+    with pytest.raises(InputFileError, match=r"object one: .* is not within"):
+        state_at(one, epoch.tdb_s + 1_800.0)
+    late = spoil(path.read_text(), r"USEABLE_START_TIME = \S+", "USEABLE_START_TIME = 2030-01-01")
+    refused(read_oem, file_of(tmp_path, late, "late.oem"), "must be in order and within the states")
+
+
+@pytest.mark.parametrize("hours", [1.0, 12.0, 23.9345, 24.0, 47.9])
+def test_steps_of_whole_revolutions_say_nothing_about_units(epoch, tmp_path, hours):
+    """A geosynchronous orbit returns after 23.93 h."""
+    times = 3_600.0 * hours * np.arange(6.0)
+    angle, r, v = times * 2.0 * np.pi / 86_164.1, 42_164.17, 3.07466
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros(6)
+    state = np.stack([r * c, r * s, zero, -v * s, v * c, zero], axis=1)
+    arc = Segment("geo", "1", "EARTH", epoch.tdb_s + times, state)
+    (back,) = read_oem(file_of(tmp_path, written(arc)))
+    np.testing.assert_array_equal(back.state, state)
+
+
+def test_objects_without_a_name_have_their_identifiers(segment, tmp_path):
+    given = [segment._replace(name="UNKNOWN", object_id=each) for each in ("A", "B")]
+    path = file_of(tmp_path, oem_text(given, created="2030-01-01T00:00:00"))
+    assert [*objects_of(path)] == ["A", "B"]
 
 
 def test_a_time_beyond_a_message_is_refused(epoch, segment):

@@ -1,12 +1,17 @@
 """Reduction of observed directions to the times of the grid, with light time."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from example_study import EPOCH, OBSERVERS, SETTINGS, TARGETS
 
 import cislunar as cs
+from cislunar import Sensor
 from cislunar.constants import TIME_UNIT_S
+from cislunar.ephemeris.time_scales import tdb_seconds
+from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import epoch_at
+from cislunar.study.observed import read_observations
 
 
 def test_motion_is_reduced_in_axes_that_do_not_turn():
@@ -67,3 +72,19 @@ def test_light_time_and_times_off_the_grid_are_reduced():
     arcsec = np.rad2deg(found.measurements.value[0, 1:] - expected) * 3600.0
     assert np.abs(np.rad2deg(measured - expected)).max() * 3600.0 > 5.0
     assert np.abs(arcsec).max() < 1e-4
+
+
+def test_observers_whose_names_differ_by_case_alone_are_told_apart():
+    rows = [
+        {"obsTime": f"2027-03-01T06:1{k}:00Z", "stn": name, "artSat": "a", "ra": 1.0, "dec": 2.0}
+        for k, name in enumerate(("Eye", "eye", "Other", "OTHER"))
+    ]
+    given = ["Eye", "eye", "other"], ["a"], [Sensor()] * 3, tdb_seconds("2027-03-01T06:00:00")
+    table = pd.DataFrame(rows).assign(mag=15.0)
+    found = read_observations(table, "table", ConfigurationError, *given)
+    assert found.observer.tolist() == [0, 1, 2, 2]
+    table.loc[0, "stn"] = "EYE"
+    with pytest.raises(
+        ConfigurationError, match=r"row 1: stn .*EYE.* must be one of Eye, eye, other"
+    ):
+        read_observations(table, "table", ConfigurationError, *given)

@@ -257,4 +257,13 @@ def test_a_file_with_observations_gives_the_same_estimates_in_each_format(result
         written = read_tdm(tmp_path / ending / "observations.tdm")
         assert len(written) == len(table) and set(written["artSat"]) <= set(TARGETS)
     assert found["csv"].summary().equals(found["tdm"].summary())
+    for ending in (".oem", ".aem"):
+        done = exported(tmp_path / "csv" / "study.nc", tmp_path / f"again{ending}")
+        assert done.exit_code == 0, done.output
+    done = exported(tmp_path / "csv" / "study.nc", tmp_path / "again.tdm")
+    assert done.exit_code == 2 and "those that were given; use their file" in done.output
     assert found["csv"].summary()["used"].sum() > 0
+
+
+def exported(cell, output):
+    return CliRunner().invoke(cislunar, ["export", str(cell), "--output", str(output)])

@@ -1,12 +1,15 @@
 """Observers and targets of a study: orbits, states, covariances and units as given."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from example_study import EPOCH, OBSERVERS, SETTINGS, TARGETS
 
 import cislunar as cs
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
+from cislunar.exchange import Segment, epoch_at, oem_text
 from cislunar.study.objects import StudyObject, read_objects
 from cislunar.study.study_file import read_study
 
@@ -91,3 +94,80 @@ def test_a_page_names_observers_and_targets(tmp_path):
     assert all(f'"{name}, ' in script for name in TARGETS)
     assert all(f'"{name} (1)"' in script for name in OBSERVERS)
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == text
+
+
+def test_the_truth_differs_from_an_estimate_as_its_covariance_states():
+    """With 400 realizations and no measurement, against the chi-square distribution."""
+    spread = np.diag([4.0, 9.0, 16.0, 1e-8, 1e-8, 4e-8])
+    spread[0, 1] = spread[1, 0] = 5.0
+    targets = {"mike": TARGETS["mike"] | {"covariance_km": spread.tolist()}}
+    study = cs.Study(OBSERVERS, targets, EPOCH, **SETTINGS)
+    inputs = study._loop(study._inputs())[0].inputs
+    found = []
+    for seed in range(400):
+        motion = inputs.true_motion(inputs.truth.sampled(seed, inputs.ids), seed)
+        found.append(motion.advance(1).translation[0, 0] - inputs.initial.translation[0])
+    error = np.array(found) * np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
+    nees = np.einsum("si,ij,sj->s", error, np.linalg.inv(spread), error)
+    assert nees.mean() == pytest.approx(6.0, abs=4.0 * np.sqrt(12.0 / 400.0))
+    assert np.corrcoef(error[:, :2].T)[0, 1] == pytest.approx(5.0 / 6.0, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "expected"),
+    [
+        ({}, ("ephemeris", "ephemeris")),
+        ({"srp": {"area_to_mass": 0.01}}, ("ephemeris", "ephemeris")),
+        ({"truth": "ephemeris"}, ("ephemeris", "ephemeris")),
+        ({"filter": "cr3bp"}, ("ephemeris", "cr3bp")),
+        ({"truth": "cr3bp"}, ("cr3bp", "cr3bp")),
+    ],
+)
+def test_dynamics_of_observations_are_of_the_ephemeris_unless_stated(dynamics, expected):
+    row = {"obsTime": "2027-03-01T06:10:00Z", "stn": "south", "artSat": "alpha"}
+    table = pd.DataFrame([row | {"ra": 10.0, "dec": 5.0, "mag": 15.0}])
+    study = cs.Study(OBSERVERS, TARGETS, EPOCH, observations=table, dynamics=dynamics, **SETTINGS)
+    found = study.settings.dynamics
+    assert (found.truth, found.filter) == expected
+
+
+def test_units_of_precise_estimates_are_converted_or_refused():
+    u = pytest.importorskip("astropy.units")
+    rate = np.array([0.0, 0.0, 0.0125]) * u.deg / u.s
+    given = TARGETS["mike"] | {"angular_velocity_deg_h": rate}
+    (found,) = read_objects("target", {"mike": given}, None, 1.0)
+    assert found.angular_velocity_deg_h == pytest.approx([0.0, 0.0, 45.0])
+    given = TARGETS["mike"] | {"covariance_km": np.eye(6) * 1e6 * u.m**2}
+    with pytest.raises(ConfigurationError, match="covariance_km has the unit m2; give numbers"):
+        read_objects("target", {"mike": given}, None, 1.0)
+
+
+def test_messages_keep_paths_and_identifiers(tmp_path):
+    """An observer that stands on the Moon, and two objects of one name."""
+    epoch = epoch_at(EPOCH)
+    times = epoch.tdb_s + np.arange(0.0, 7_201.0, 600.0)
+    angle, rate, zero = 2.66e-6 * (times - times[0]), 2.66e-6, np.zeros(times.size)
+    unit = np.stack([np.cos(angle), np.sin(angle), zero], axis=1)
+    ahead = np.stack([-np.sin(angle), np.cos(angle), zero], axis=1)
+    standing = 1_740.0 * np.hstack([unit, rate * ahead])
+    segments = [Segment("lander", "2027-009A", "MOON", times, standing)]
+    path = tmp_path / "a.oem"
+    path.write_text(oem_text(segments, created=EPOCH))
+    two = read_segments_of(tmp_path, [segments[0]._replace(object_id=each) for each in "AB"])
+    assert [each.name for each in read_objects("target", two, epoch, 1.0)] == [
+        "lander A",
+        "lander B",
+    ]
+    study = cs.Study(path, {"alpha": TARGETS["alpha"]}, EPOCH, **SETTINGS)
+    observers, _ = study.paths()
+    moon = np.array([1.0 - MU, 0.0, 0.0])
+    radius = np.linalg.norm(observers["lander"][1] - moon, axis=1) * LENGTH_UNIT_KM
+    assert np.abs(radius - 1_740.0).max() < 25_000.0 and np.ptp(radius) < 500.0
+    study.page(tmp_path / "page.html")
+    assert study.observers[0].designator == "2027-009A"
+
+
+def read_segments_of(folder, segments):
+    path = folder / "two.oem"
+    path.write_text(oem_text(segments, created=EPOCH))
+    return path

@@ -23,8 +23,7 @@ from cislunar.evaluation.characterization import INTERVAL_PARTS
 from cislunar.exchange import AttitudeSegment, Epoch, Segment, arc, icrf_axes, inertial_arc
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.observation.scene import Scene
-from cislunar.runtime import Array
-from cislunar.runtime.arguments import count_of
+from cislunar.runtime import Array, count_of
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
@@ -133,10 +132,17 @@ class FrameOfCell(NamedTuple):
         return icrf_axes([self.start_s], self.epoch)[0].T
 
     def arc(
-        self, name: str, state: Array, time_s: Array, center: str, covariance: Array | None = None
+        self,
+        label: tuple[str, str],
+        state: Array,
+        time_s: Array,
+        center: str,
+        covariance: Array | None = None,
     ) -> Segment:
-        """An arc of states (time, 6) and covariances (time, 6, 6) in the propagation frame."""
-        given = {"center": center, "covariance": covariance}
+        """An arc of states (time, 6) and covariances (time, 6, 6), propagation frame, with a name
+        and an identifier."""
+        name, designator = label
+        given = {"object_id": designator, "center": center, "covariance": covariance}
         if self.ephemeris:
             return inertial_arc(name, state, self.tdb_s(time_s), **given, kernel=self.kernel)
         return arc(name, state, self.start_s + time_s, self.epoch, **given)
@@ -233,7 +239,7 @@ def cell_arcs(
         covariances = cell["covariance"].values[seed]
     frame, times = frame_of(cell, sun), cell["time"].values
     arcs = []
-    for j, label in enumerate(recorded_names(cell)):
+    for j, label in enumerate(_labels(cell, "target", recorded_names(cell))):
         good = np.isfinite(states[:, j]).all(axis=1)
         if good.sum() > 1:
             covariance = None if covariances is None else covariances[good, j]
@@ -274,7 +280,7 @@ def cell_observer_arcs(
     frame = frame_of(cell, sun)
     rate = make_interp_spline(times / TIME_UNIT_S, places, _SPLINE_DEGREE, axis=1).derivative()
     states = np.concatenate([places, rate(times / TIME_UNIT_S)], axis=-1)
-    named = zip(observer_names(cell), states, strict=True)
+    named = zip(_labels(cell, "observer", observer_names(cell)), states, strict=True)
     return [frame.arc(*each, times, center) for each in named]
 
 
@@ -295,12 +301,12 @@ def cell_attitudes(
     # the attitude matrix is the transpose of the matrix of SciPy's rotation
     reference = Rotation.from_matrix(frame.inertial_axes().T).as_quat()
     segments = []
-    for j, label in enumerate(recorded_names(cell)):
+    for j, label in enumerate(_labels(cell, "target", recorded_names(cell))):
         good = np.isfinite(quaternions[:, j]).all(axis=1) & np.isfinite(rates[:, j]).all(axis=1)
         if good.any():
             turned = normalize(compose(quaternions[good, j], reference))
             tdb = frame.tdb_s(times[good])
-            segments.append(AttitudeSegment(label, label, tdb, turned, rates[good, j]))
+            segments.append(AttitudeSegment(*label, tdb, turned, rates[good, j]))
     return segments
 
 
@@ -337,7 +343,7 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
     ra, dec, covariance = measured_directions(cell, sun, rows)
     frame, times = frame_of(cell, sun), cell["step"].values
     at_rest = [np.pad(each, ((0, 0), (0, 3))) for each in cell["observer_position"].values]
-    tracks = np.array([frame.arc("", each, times, "EARTH").state[:, :3] for each in at_rest])
+    tracks = np.array([frame.arc(("", ""), each, times, "EARTH").state[:, :3] for each in at_rest])
     where = tracks[observer, step]
     dates = np.array(observation_dates(frame.tdb_s(times)))
     return pd.DataFrame(
@@ -377,6 +383,13 @@ def observer_names(cell: xr.Dataset) -> list[str]:
     if "observer_name" in cell:
         return cell["observer_name"].values.astype(str).tolist()
     return [f"O{number:03d}" for number in range(1, cell.sizes["observer"] + 1)]
+
+
+def _labels(cell: xr.Dataset, kind: str, names: list[str]) -> list[tuple[str, str]]:
+    """Names of targets or observers with their identifiers in messages, or the names again."""
+    key = f"{kind}_designator"
+    known = cell[key].values.astype(str).tolist() if key in cell else names
+    return [*zip(names, known, strict=True)]
 
 
 def recorded_names(cell: xr.Dataset) -> list[str]:

@@ -33,6 +33,8 @@ errors of the observers (`cislunar.survey.navigation`).
 Assumptions and limitations
 ---------------------------
 - A maneuver is an impulse.
+- All objects have the same rate of maneuvers. The search ends if one further maneuver is
+  improbable, although two together may be more probable, as in a gap without detections.
 - The sums of equation (1) lose digits if a disturbance grows by more than 1e4 between the first and
   the last detection of an orbit, as over two weeks near L1.
 - Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
