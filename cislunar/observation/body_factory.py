@@ -7,7 +7,7 @@ import numpy as np
 
 from cislunar.observation.body_spec import BodySpec
 from cislunar.photometry.bodies import Body, build_body
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import Material, PhotometryModel, material_of
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.shadows.table import Shadows, shadow_table
 from cislunar.photometry.shapes import scale_axes, scale_to_sphere
@@ -78,6 +78,6 @@ def equal_sphere_of(body: Body, model: PhotometryModel) -> tuple[float, float]:
     InputFileError
         If the table of the reflection law cannot be used.
     """
-    each = [equal_sphere_coefficient(Material(*map(float, row)), model) for row in body.materials]
+    each = [equal_sphere_coefficient(material_of(row), model) for row in body.materials]
     mean = np.average(np.array(each)[body.rows], weights=body.areas) if len(each) > 1 else each[0]
     return body.facets.equivalent_radius, float(mean)

@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "LOMMEL_SEELIGER_SHARE", "Material", "NOTHING", "PAINT", "PANEL", "PHASE_CURVATURE",
         "PHASE_SLOPE", "PHONG_SHARE", "PRINTED", "PhotometryModel", "PhotometryReading",
         "REFLECTANCE", "REFLECTION_LAWS", "Reflection", "SCALE", "SHARE", "SLOPE", "TABULATED",
-        "group_materials", "material_rows"],
+        "group_materials", "material_of", "material_rows"],
     "mesh_files": ["load_mesh"],
     "meshes": ["Mesh"],
     "parameter_deviations": ["deviation_rows", "perturbed_body", "with_law"],

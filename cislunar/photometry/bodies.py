@@ -27,7 +27,7 @@ from cislunar.photometry.facet_blocks import (
 )
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
 from cislunar.photometry.law_mixture import COOK_TORRANCE, phase_magnitude
-from cislunar.photometry.materials import Material, PhotometryModel, material_rows
+from cislunar.photometry.materials import Material, PhotometryModel, material_of, material_rows
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
@@ -178,7 +178,7 @@ def apparent_body_magnitude(
     geometry = quaternion, sun_direction, view_direction, range_m
     model = PhotometryModel() if model is None else model
     if not body.composite:
-        material = Material(*map(float, body.materials[0]))
+        material = material_of(body.materials[0])
         return apparent_magnitude(
             *geometry, body.facets, material, model, sun_magnitude=sun_magnitude
         )

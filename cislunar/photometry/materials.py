@@ -3,7 +3,7 @@
 The paper gives no values for the surface; the defaults are a choice of this library.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -67,6 +67,14 @@ class Material(Section):
     def as_array(self) -> NDArray[np.float64]:
         """Parameters in the order of the kernels, ``[d, s, rho, delta_rms, F0]``."""
         return np.array([value for _, value in self], dtype=float)
+
+
+def material_of(row: Iterable[float]) -> Material:
+    """The material of the parameters of `Material.as_array`, which are not checked: the albedo of a
+    drawn material may exceed 1."""
+    return Material.model_construct(
+        **dict(zip(Material.model_fields, map(float, row), strict=True))
+    )
 
 
 PANEL = Material(0.3, 0.1, 0.1, 0.1, 0.2)

@@ -6,7 +6,7 @@ import pytest
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.facets import apparent_magnitude
-from cislunar.photometry.materials import FOIL, PANEL, Material, PhotometryModel
+from cislunar.photometry.materials import FOIL, PANEL, Material, PhotometryModel, material_of
 from cislunar.photometry.shapes import Facets
 from cislunar.photometry.sphere import (
     equal_sphere_coefficient,
@@ -139,3 +139,13 @@ def test_impossible_spheres_and_angles_are_refused():
     ):
         with pytest.raises(ConfigurationError, match=words):
             call()
+
+
+def test_a_drawn_material_may_have_an_albedo_above_one():
+    """As materials of true bodies that are drawn from a distribution may; others are refused."""
+    row = [1.0, 0.0, 1.05, 0.3, 0.5]
+    physical = PhotometryModel(irradiance="1/r^2")
+    assert equal_sphere_coefficient(material_of(row), physical) == pytest.approx(1.05)
+    np.testing.assert_array_equal(material_of(row).as_array(), row)
+    with pytest.raises(ConfigurationError, match=r"diffuse_albedo = 1\.05"):
+        Material(*row)
