@@ -139,16 +139,17 @@ def propagate(
 
 
 def _state_rows(state: ArrayLike, forces: tuple, on_failure: str = "raise") -> Array:
-    """States (n, 6) of finite numbers; raises a `ConfigurationError` otherwise, and if they are
-    evidently in km and failures raise errors."""
+    """States (n, 6); if failures raise errors, of finite numbers that are not evidently in km.
+    Raises a `ConfigurationError` otherwise."""
     require_choice("on_failure", on_failure, ("raise", "nan"))
     given = nondimensional("states", state, "state")
     states = np.ascontiguousarray(array_of("states", given, finite=False))
-    if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
+    checked = on_failure == "raise"
+    if states.ndim != 2 or states.shape[1] != 6 or (checked and not np.all(np.isfinite(states))):
         raise ConfigurationError(
             f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
         )
-    if isinstance(forces, CR3BP) and on_failure == "raise":
+    if isinstance(forces, CR3BP) and checked:
         require_nondimensional("state", states)
     return states
 
@@ -230,8 +231,7 @@ def propagate_many(
         See `propagate`; so are the errors raised.
     on_failure : {"raise", "nan"}
         For a state whose propagation does not converge: raise the error of `propagate` for the
-        first such state, or return NaN at all its times. In the latter case, states are not checked
-        for km.
+        first such state, or return NaN at all its times, also for a state that is not finite.
 
     Returns
     -------

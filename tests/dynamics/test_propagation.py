@@ -132,6 +132,8 @@ def test_a_collision_is_nan_beside_others_bit_for_bit(times):
             function(state, [2.0])
         messages.append(str(failure.value))
     assert messages[0] == messages[1]  # at the same time, and so after the same steps
+    lost = propagate_many([*states[::2], np.full(6, np.nan)], times, on_failure="nan")
+    assert lost[:2].tobytes() == many[[0, 2]].tobytes() and np.isnan(lost[2]).all()
     with pytest.raises(ConfigurationError, match="on_failure = 'skip' must be one of raise, nan"):
         propagate_many(states, times, on_failure="skip")
 
