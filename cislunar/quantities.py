@@ -19,7 +19,8 @@ _NONDIMENSIONAL = {
 }
 
 
-def _is_quantity(given: Any) -> bool:
+def is_quantity(given: Any) -> bool:
+    """Whether a value is a quantity of `astropy.units`."""
     return hasattr(given, "to_value") and hasattr(given, "unit")
 
 
@@ -45,7 +46,7 @@ def in_unit(name: str, given: Any, unit: str) -> Any:
     ConfigurationError
         If the quantity cannot be converted.
     """
-    if not _is_quantity(given):
+    if not is_quantity(given):
         return given
     try:
         value = given.to_value("" if unit == "1" else unit.replace("^", "**"))
@@ -89,9 +90,9 @@ def in_kilometers(name: str, given: Any) -> Any:
 
 def _in_units(name: str, given: Any, units: dict[str, float]) -> Any:
     """Quantities in the first of some units that fits, divided by its size."""
-    if isinstance(given, tuple | list) and given and all(map(_is_quantity, given)):
+    if isinstance(given, tuple | list) and given and all(map(is_quantity, given)):
         return np.concatenate([np.ravel(_in_units(name, each, units)) for each in given])
-    if not _is_quantity(given):
+    if not is_quantity(given):
         return given
     for unit, size in units.items():
         try:

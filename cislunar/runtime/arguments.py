@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError, did_you_mean
+from cislunar.quantities import is_quantity
 from cislunar.runtime.settings_words import shown
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ def array_of(
         If the argument has another shape, or a value is no number or not finite. The message gives
         the indices of the first such value along the axes that are named.
     """
-    if hasattr(given, "unit") and hasattr(given, "to_value") and str(given.unit):
+    if is_quantity(given) and str(given.unit):
         raise ConfigurationError(f"{name} has the unit {given.unit}; give numbers without a unit")
     try:
         found = np.asarray(given)

@@ -115,8 +115,8 @@ def cell_messages(
     found: dict[str, str] = {}
     for number, each in enumerate(arcs, 1):
         ending = f"_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}"
-        # names that differ only by other signs have the number of the object as well
-        ending += f"_{number}" if ending in found else ""
+        while ending in found:  # of a name that differs only by other signs
+            ending += f"_{number}"
         found[ending] = ocm_text(each, maneuvers.get(each.name, ()), **message)
     return found
 

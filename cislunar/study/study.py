@@ -248,10 +248,8 @@ class Study:
         bodies = bodies_dataset(given) if needs or own.stations else None
         rows = np.arange(len(self.observers))
         chosen = xr.Dataset({"orbit": ("slot", rows), "satellites": ("slot", np.ones_like(rows))})
-        observed, tracked = (
-            orbits_of_objects(self.observers, "orbit"),
-            orbits_of_objects(self.targets, "target"),
-        )
+        observed = orbits_of_objects(self.observers, "orbit")
+        tracked = orbits_of_objects(self.targets, "target")
         return CellInputs(chosen, observed, tracked, sun_dataset(given), bodies)
 
     def _placement(self, inputs: CellInputs) -> Any:
@@ -277,7 +275,8 @@ class Study:
             period of a closed orbit, else that of the run, of an observer with an ephemeris its
             own; nondimensional, rotating frame of the CR3BP.
         """
-        run_s, epoch = self.settings.duration_hours * 3600.0, frame_epoch(self._inputs().sun)
+        run_s = self.settings.duration_hours * 3600.0
+        epoch = epoch_at(self.settings.epoch, self.settings.kernel)
         flown = (flown_path(each, epoch, run_s) for each in self.observers)
         coasting = (each.path(run_s / TIME_UNIT_S) for each in self.targets)
         return tuple(
