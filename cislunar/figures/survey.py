@@ -29,9 +29,9 @@ def _groups(quantity: str) -> tuple[str, str]:
 
 
 ROWS = (
-    Row("right orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
+    Row("correct orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
     Row(
-        "right orbits, % of\nfindable objects",
+        "correct orbits, % of\nfindable objects",
         _groups("completeness"),
         100.0,
         within=PERCENT,
@@ -51,7 +51,7 @@ object leaves an error without a limit."""
 
 @style.house_style()
 def catalog_figure(table: pd.DataFrame) -> Figure:
-    """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: right
+    """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: correct
     orbits by groups of objects, and wrong orbits and consistency of all."""
     places = list(table.groupby(["label", "day"], sort=False).groups)
     moving = _BALLISTIC.curves[0] in set(table["quantity"])

@@ -13,7 +13,7 @@ from cislunar.targets import Maneuvers
 
 
 class CatalogRecord(NamedTuple):
-    """The catalog after a run of linking, with the truth.
+    """The catalog after a linking run, with the truth.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class BlockRecord(NamedTuple):
     velocity_changes_m_s : ndarray, shape (maneuver, 3)
         Changes of velocity so far, propagation frame, m/s.
     catalog : CatalogRecord or None
-        After the run of linking at the end of the block, if there was one.
+        After the linking run at the end of the block, if there was one.
     """
 
     first: int
@@ -67,19 +67,19 @@ class SurveyResult(NamedTuple):
     Attributes
     ----------
     states : DataFrame
-        Quality after each run of linking; columns are the fields of `CatalogState`, ``undetected``
+        Quality after each linking run; columns are the fields of `CatalogState`, ``undetected``
         (expected number of undetected objects), and the numbers of ``exposures``, ``detections``
         and ``false_alarms`` so far. The last row also has the fields of
         `CharacterizationQuality` if light curves are used.
     orbits : DataFrame
-        Orbits after each run of linking (`cislunar.survey.quality.ORBIT_COLUMNS`).
+        Orbits after each linking run (`cislunar.survey.quality.ORBIT_COLUMNS`).
     objects : DataFrame
         For each object its row ``object``, its ``tracklets``, whether it is ``outside`` of the
         families, and in days, infinite if never:
-        ``detected`` at the first detection, and ``cataloged`` at the run of linking from which on a
-        confirmed orbit is right.
+        ``detected`` at the first detection, and ``cataloged`` at the linking run from which on a
+        confirmed orbit is correct.
     linked : LinkedOrbits
-        The catalog itself after the last run of linking, which knows nothing of the objects.
+        The catalog itself after the last linking run, which knows nothing of the objects.
     averaged : OrbitFits
         Its orbits with states and covariances that allow for undetected maneuvers.
     characterized : tuple of CharacterizedOrbit or None

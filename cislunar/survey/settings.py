@@ -116,20 +116,20 @@ class LineageSettings(Section):
 
 
 class QualitySettings(Section):
-    """What counts as right and as findable."""
+    """What counts as correct and as findable."""
 
     # fmt: off
 
     right_km: Positive = setting(
-        "largest position error of a right orbit at its last detection", "km", default=500)
+        "largest position error of a correct orbit at its last detection", "km", default=500)
     custody_km: Positive = setting(
         "largest position error of an object in custody, at the time of the table", "km",
         default=10)
     findable_tracklets: Count = setting(
         "least number of tracklets of a findable object", "1", default=3)
     known_days: Positive = setting(
-        "an object is known if it had a right confirmed orbit this long before, even if the orbit "
-        "has been lost since", "day", default=1)
+        "an object is known if it had a correct confirmed orbit this long before, even if the "
+        "orbit has been lost since", "day", default=1)
 
     # fmt: on
 
@@ -168,7 +168,7 @@ class SurveyModel(Section):
 
     duration_days: Positive = setting("duration", "day", default=1)
     link_hours: Positive = setting(
-        "time between two runs of linking, a multiple of `search.block_minutes`", "h", default=4)
+        "time between two linking runs, a multiple of `search.block_minutes`", "h", default=4)
     latency_minutes: NotNegative = setting(
         "time after which the data of a block reach the catalog and the planning, a multiple of "
         "`search.block_minutes` and less than `link_hours`", "min", default=0)
@@ -193,7 +193,7 @@ class SurveyModel(Section):
 
     @property
     def blocks_per_link(self) -> int:
-        """Blocks between two runs of linking; raises a `ConfigurationError` if `link_hours` is not
+        """Blocks between two linking runs; raises a `ConfigurationError` if `link_hours` is not
         a multiple of the block."""
         per_link = 60.0 * self.link_hours / self.search.block_minutes
         found = round(per_link)

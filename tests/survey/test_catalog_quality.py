@@ -38,7 +38,7 @@ def test_right_wrong_false_and_duplicate_orbits_are_counted():
     assert (found.right, found.wrong, found.false, found.duplicate, found.candidates) == (
         3, 1, 1, 1, 1,
     )  # fmt: skip
-    # findable: 0, 1, 2, 3 and 5, of which 0 and 1 have a right orbit
+    # findable: 0, 1, 2, 3 and 5, of which 0 and 1 have a correct orbit
     assert found.completeness == pytest.approx(2 / 5)
     assert (found.completeness_inside, found.completeness_outside) == pytest.approx((1 / 2, 1 / 3))
     assert found.completeness_maneuvering == 1.0

@@ -36,29 +36,30 @@ _COLUMNS = {
         Column("Linked (% of findable)", "linked_share", ".1f", 100.0,
                terms="An object is linked if most detections of some orbit, confirmed or not, are "
                "detections of the object."),
-        Column("Right (% of findable)", "completeness", ".1f", 100.0),
-        Column("Right, inside of the families (% of findable)", "completeness_inside", ".1f", 100.0,
+        Column("Correct (% of findable)", "completeness", ".1f", 100.0),
+        Column("Correct, inside of the families (% of findable)", "completeness_inside", ".1f",
+               100.0,
                terms="Objects inside of the families are on orbits of the moving targets. Objects "
                "outside are on no orbit of the moving targets or of the observers."),
-        Column("Right, outside of the families (% of findable)", "completeness_outside", ".1f",
+        Column("Correct, outside of the families (% of findable)", "completeness_outside", ".1f",
                100.0),
-        Column("Right orbits", "right", ".0f",
+        Column("Correct orbits", "right", ".0f",
                terms="A confirmed orbit belongs to the object that caused more of the orbit's "
                "detections than any other object, if these outnumber the orbit's false alarms. The "
-               "orbit is right if its position error at its last detection is at most 500 km. One "
-               "right orbit of each object counts."),
-        Column("Right orbits, difference from the survey of the first row", "right_difference",
+               "orbit is correct if its position error at its last detection is at most 500 km. "
+               "One correct orbit of each object counts."),
+        Column("Correct orbits, difference from the survey of the first row", "right_difference",
                "+z.1f",
                terms="The difference is that of the same realizations, if both surveys have the "
                "same objects."),
         Column("Duplicates", "duplicate", ".1f",
-               terms="A duplicate is any further right orbit of the same object."),
+               terms="A duplicate is any further correct orbit of the same object."),
         Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
                terms="A wrong orbit is confirmed, and has a larger error or belongs to no object."),
         Column("Purity (%)", "purity", ".2f", 100.0,
                terms="Purity is the share of the detections in confirmed orbits that are of the "
                "object of the orbit."),
-        Column("Right, maneuvered (% of findable)", "completeness_maneuvering", ".1f", 100.0,
+        Column("Correct, maneuvered (% of findable)", "completeness_maneuvering", ".1f", 100.0,
                terms="Maneuvered objects have maneuvered before the end of the stated days."),
         Column("In custody (% of findable)", "custody", ".1f", 100.0,
                terms="An object is in custody if a confirmed orbit predicts its position at the "
@@ -66,23 +67,23 @@ _COLUMNS = {
         Column("Findable objects in custody", "in_custody", ".0f"),
         Column("Error of known objects (km)", "error_known_km", ".2f",
                terms="The error of known objects is the geometric mean of the position errors, at "
-               "the end of the stated days, of the objects that had a right orbit a day before; an "
-               "object without a confirmed orbit, or with a larger error, counts with 500 km."),
+               "the end of the stated days, of the objects that had a correct orbit a day before; "
+               "an object without a confirmed orbit, or with a larger error, counts with 500 km."),
         Column("Increase of the error of known objects due to the search (%)", "search_cost",
                "+z.1f", 100.0,
                terms="The increase due to the search is that of this mean over that of the survey "
                "that stops searching."),
         Column("Hours to catalog", "hours_to_catalog", ".1f",
                terms="Hours to catalog are the median time from the first detection of an object "
-               "to the run of linking since which it has had a right orbit; objects without a "
-               "right orbit at the end are left out."),
+               "to the linking run since which it has had a correct orbit; objects without a "
+               "correct orbit at the end are left out."),
     ),
     "consistency": (
         Column("NEES", "nees", ".3g",
-               terms="The NEES is the mean normalized estimation error squared of right orbits at "
-               "their last detections; six is expected for the six components of a state."),
+               terms="The NEES is the mean normalized estimation error squared of correct orbits "
+               "at their last detections; six is expected for the six components of a state."),
         Column("Coverage of the 95 % region (%)", "covered", ".1f", 100.0,
-               terms="Coverage is the share of the right orbits whose 95 % covariance ellipsoid "
+               terms="Coverage is the share of the correct orbits whose 95 % covariance ellipsoid "
                "contains the true state at the last detection."),
         Column("NEES, averaged state and covariance", "nees_averaged", ".3g",
                terms="Averaged states and covariances are those of a mixture of two hypotheses, "
@@ -134,7 +135,7 @@ def _headline(tables: Tables) -> dict[str, object]:
 
 
 def _observers(tables: Tables) -> dict[str, str]:
-    """Right orbits and objects in custody after a day, by the numbers of observers and objects."""
+    """Correct orbits and custody after a day, by the numbers of observers and objects."""
     table = tables["survey"]
     counted = table["survey"].str.fullmatch(r"everything|(observers|objects)(-\d+)+")
     table = table[counted & (table["day"] == 1.0)]
@@ -149,7 +150,7 @@ def _observers(tables: Tables) -> dict[str, str]:
               if row.seeds > 1 else f"{row.mean:.0f}" for row in (*right, *custody)),
         ])  # fmt: skip
     numbers = [f"{targets:,d}" for targets in sorted(table["targets"].unique())]
-    header = ["Observers", *(f"Right orbits of {each} objects" for each in numbers),
+    header = ["Observers", *(f"Correct orbits of {each} objects" for each in numbers),
               *(f"In custody of {each} objects" for each in numbers)]  # fmt: skip
     return {"table": markdown_table(header, rows)}
 

@@ -71,7 +71,7 @@ def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]
             number = int(cell["detected", "", "1"]["number"])
             head = [f"{low:g} to {high:g}", _RESPONSES[response], number]
             rows.append([*head, *numbers(cell, columns.values())])
-        header = ["Change of velocity (m/s)", "Response to alarms", "Maneuvers", *columns]
+        header = ["Δv (m/s)", "Response to alarms", "Maneuvers", *columns]
         return {"table": markdown_table(header, rows)}
 
     return values

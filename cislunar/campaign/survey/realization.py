@@ -244,7 +244,7 @@ def realization_rows(result: SurveyResult) -> pd.DataFrame:
     """Quality of a realization after 1, 3 and 7 days and at the end.
 
     Columns of `SurveyResult.states`, and ``hours_to_catalog``, the median time from the first
-    detection of an object to its right confirmed orbit, over the objects that have one by then and
+    detection of an object to its correct confirmed orbit, over the objects with one by then and
     keep it to the end.
     """
     states, objects = result.states, result.objects

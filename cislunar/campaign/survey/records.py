@@ -109,7 +109,7 @@ class SurveyRecorder:
         return self._rows, states.state, states.covariance
 
     def _take(self, catalog: CatalogRecord, index: int) -> None:
-        """Take up the catalog after a run of linking, with the rows of its orbits."""
+        """Take up the catalog after a linking run, with the rows of its orbits."""
         n, fits = len(self._names), catalog.orbits.fits
         status, rows, further = np.zeros(n, dtype=np.int64), {}, n
         for k, owner in enumerate(catalog.owner.tolist()):
@@ -134,7 +134,7 @@ class SurveyRecorder:
         xarray.Dataset
             ``observation_target`` is the row of the orbit that has the detection in the end, or -1.
             ``epoch`` are the times since which detections are linked together, and ``track_status``
-            is the state of each row (`ORBIT_STATUSES`) after the run of linking. Maneuvers that are
+            is the state of each row (`ORBIT_STATUSES`) after the linking run. Maneuvers that are
             found are those of the last catalog.
         """
         scene, n = self._scene, len(self._names)

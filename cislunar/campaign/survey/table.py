@@ -22,7 +22,7 @@ QUANTITIES = (
     "period_half_width", "period_covered", "amplitude_covered", "area_albedo_covered",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState` and, from `bright` on,
-`cislunar.survey.CharacterizationQuality`. `right_difference`: right orbits
+`cislunar.survey.CharacterizationQuality`. `right_difference`: correct orbits
 minus those of the same realization of the first survey, if both have the same objects.
 `linked_share`: share of the findable objects with an orbit, confirmed or not. `wrong_share`: wrong
 and false orbits among the confirmed ones. `in_custody`: number of findable objects in custody.

@@ -48,15 +48,15 @@ class CatalogState(NamedTuple):
         Confirmed orbits; those of one object with a small error, one for each object; those of an
         object with a large error, or of several with equally many detections; those most of whose
         detections are false alarms; further orbits with a small error of an object that has a
-        right one.
+        correct one.
     candidates : int
         Orbits that are not confirmed.
     linked : int
         Findable objects of which an orbit, confirmed or not, has most of its detections.
     completeness : float
-        Right confirmed orbits of findable objects over findable objects.
+        Correct confirmed orbits of findable objects over findable objects.
     completeness_all : float
-        Right confirmed orbits over all objects.
+        Correct confirmed orbits over all objects.
     completeness_inside, completeness_outside : float
         `completeness` of the objects that are on orbits of the families, and of those outside.
     completeness_all_inside, completeness_all_outside : float
@@ -64,15 +64,15 @@ class CatalogState(NamedTuple):
     purity : float
         Share of the detections in confirmed orbits that are of the object that most are of.
     nees : float
-        Mean normalized estimation error squared of the right confirmed orbits and of duplicates; 6
-        if consistent.
+        Mean normalized estimation error squared of the correct confirmed orbits and of duplicates;
+        6 if consistent.
     covered : float
         Share of them whose true state is within the region of 95 % of their covariance.
     nees_averaged, covered_averaged : float
         `nees` and `covered`, of the same orbits, by states and covariances that allow for
         undetected maneuvers (`cislunar.survey.maneuvers.OrbitsWithManeuvers`).
     median_error_km : float
-        Median position error of the right confirmed orbits and of duplicates.
+        Median position error of the correct confirmed orbits and of duplicates.
     completeness_maneuvering : float
         `completeness` of the objects that have maneuvered so far.
     custody : float
@@ -232,7 +232,7 @@ def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) 
 
 
 def right_objects(table: pd.DataFrame, settings: QualitySettings) -> Indices:
-    """Objects that have a right confirmed orbit in a table (`orbit_table`), in increasing order."""
+    """Objects with a correct confirmed orbit in a table (`orbit_table`), in increasing order."""
     real = table[table["confirmed"] & (table["object"] != FALSE_ALARM)]
     return np.unique(real.loc[real["error_km"] <= settings.right_km, "object"].to_numpy(np.int64))
 
@@ -262,7 +262,7 @@ def catalog_state(
     maneuvered : array_like of bool, shape (object,), optional
         Which objects have maneuvered so far; none if omitted.
     known : array_like of int, shape (known,)
-        Objects that had a right orbit `QualitySettings.known_days` before.
+        Objects that had a correct orbit `QualitySettings.known_days` before.
     """
     given, n = np.asarray(origin), tracklets.size
     findable = tracklets >= settings.findable_tracklets
