@@ -16,6 +16,7 @@ from cislunar.architecture.cost_kernels import (
 from cislunar.architecture.objective import Level, Objective, Replacement
 from cislunar.architecture.optimality.cost_levels import cost_levels
 from cislunar.architecture.tables import ArchitectureTables
+from cislunar.errors import ConfigurationError
 from cislunar.runtime.arguments import array_of, count_of, require_kind
 
 
@@ -42,7 +43,13 @@ class CostFunction(Objective):
         array_of("tables.distance", tables.distance, shape)
         array_of("tables.stability_index", tables.stability_index, shape[:1])
         count_of("tables.n_steps", tables.n_steps)
-        super().__init__(tables.family, tables.stability_index, tables.max_satellites)
+        family = np.asarray(tables.family)
+        if family.shape != shape[:1]:
+            raise ConfigurationError(
+                f"tables.family has shape {family.shape}; give the family of each of {shape[0]} "
+                "orbits"
+            )
+        super().__init__(family, tables.stability_index, tables.max_satellites)
         self._arrays = cost_arrays(tables)
         self._n_groups = n_groups
 

@@ -94,8 +94,10 @@ class Objective(ABC):
 
     def checked(self, orbit: ArrayLike, satellites: ArrayLike) -> tuple[NDArray, NDArray]:
         """Both as int64 arrays; a `ConfigurationError` if they do not match or are out of range."""
-        orbit = np.asarray(orbit, dtype=np.int64)
-        satellites = np.asarray(satellites, dtype=np.int64)
+        given = [np.asarray(each) for each in (orbit, satellites)]
+        if any(each.dtype.kind not in "iu" and np.any(each != np.floor(each)) for each in given):
+            raise ConfigurationError("orbit and satellites must be whole numbers")
+        orbit, satellites = (each.astype(np.int64) for each in given)
         if orbit.shape != satellites.shape or orbit.ndim != 1 or orbit.size == 0:
             raise ConfigurationError("orbit and satellites must be equally long, non-empty lists")
         if orbit.min() < 0 or orbit.max() >= self.n_orbits:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
+from cislunar.runtime.arguments import array_of, count_of, indices_of
 
 
 class OrbitSlots(NamedTuple):
@@ -48,10 +49,12 @@ def steady_orbits(orbits: OrbitSet, max_stability_index: float) -> NDArray[np.in
 
 
 def orbit_slots_at(orbits: OrbitSet, orbit: ArrayLike, phase: ArrayLike) -> OrbitSlots:
-    """Orbit slots from indices of orbits and fractions of the period, both of shape (slot,)."""
-    at = np.asarray(orbit, dtype=np.int64)
+    """Orbit slots from indices of orbits and fractions of the period, both of shape (slot,); raises
+    a `ConfigurationError` for an orbit that does not exist or a phase that is missing."""
+    at = indices_of("orbit", orbit, len(orbits.family))
+    ahead = array_of("phase", phase, at.shape)
     family, index = np.asarray(orbits.family)[at], np.asarray(orbits.stability_index)[at]
-    return OrbitSlots(at, np.asarray(phase, dtype=float), family, index)
+    return OrbitSlots(at, ahead, family, index)
 
 
 def free_orbit_slots(
@@ -77,8 +80,7 @@ def free_orbit_slots(
     ConfigurationError
         If `phases` is less than 1, or no orbit has a stability index within the limit.
     """
-    if phases < 1:
-        raise ConfigurationError(f"phases = {phases} must be at least 1")
+    phases = count_of("phases", phases)
     allowed = steady_orbits(orbits, max_stability_index)
     phase = np.tile(np.arange(phases) / phases, allowed.size)
     return orbit_slots_at(orbits, np.repeat(allowed, phases), phase)

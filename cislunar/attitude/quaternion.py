@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.compiled import njit, njit_inline
-from cislunar.runtime import Array
+from cislunar.runtime import Array, require_unit, vectors_of
 
 SMALL_ANGLE = 1e-4
 """Rotation angle (rad) below which sin(angle/2)/angle is taken from its series (error 1e-19)."""
@@ -143,7 +143,13 @@ def attitude_matrix(q: ArrayLike) -> Array:
     -------
     ndarray, shape (..., 3, 3)
         Rotation matrices from inertial to body components.
+
+    Raises
+    ------
+    ConfigurationError
+        If a quaternion has not four components or is not of unit norm.
     """
-    q = np.asarray(q, dtype=float)
+    q = vectors_of("q", q, 4)
+    require_unit("q", q)
     # Row i of to_body(q, e_i) is column i of A, hence the transpose.
     return np.swapaxes(to_body(q[..., None, :], np.eye(3)), -1, -2)

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.quantities import nondimensional
+from cislunar.runtime import Array, array_of
 
 _FURTHEST_KM = 10_000_000.0
 """Largest distance from the Earth-Moon barycenter, km."""
@@ -73,6 +75,15 @@ def _excess_km_s(state: NDArray[np.float64]) -> NDArray[np.float64]:
         escape2 = 2.0 * ((1.0 - MU) / np.hypot(np.hypot(x + MU, y), z))
         escape2 += 2.0 * MU / np.hypot(np.hypot(x - 1.0 + MU, y), z)
     return _SPEED * np.sqrt(np.maximum(speed2 - escape2, 0.0))
+
+
+def state_vector(state: ArrayLike) -> Array:
+    """A state as an array of 6 finite numbers; raises a `ConfigurationError` otherwise."""
+    state = nondimensional("state", state, "state")
+    vector = np.array(array_of("state", state, finite=False))
+    if vector.shape != (6,) or not np.all(np.isfinite(vector)):
+        raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
+    return vector
 
 
 def require_nondimensional(name: str, given: ArrayLike) -> None:

@@ -24,6 +24,7 @@ from cislunar.dynamics.forces import (
     of_state,
     plain,
     require_span,
+    require_targets,
 )
 from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
 from cislunar.runtime import Array
@@ -160,11 +161,13 @@ def propagate_bundle(
     ------
     ConfigurationError
         If the states are not of shape (N, 6), the step or the first time is not finite, the number
-        of steps is negative, or the force model does not cover the times.
+        of steps is negative, or the force model does not cover the times or has values for another
+        number of targets.
     """
     given = array_of("state", state, (None, 6), finite=False)
     dt, start = number_of("dt", dt), number_of("start", start)
     n_steps = count_of("n_steps", n_steps, least=0)
+    require_targets(forces, len(given))
     require_span(forces, start, start + n_steps * dt)
     bundle = np.array(given.T, order="C")
     out = np.empty((bundle.shape[1], n_steps + 1, 6))

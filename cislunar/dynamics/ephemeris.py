@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
-from cislunar.dynamics.bounds import require_kilometers
+from cislunar.dynamics.bounds import require_kilometers, state_vector
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
 from cislunar.dynamics.frames import BARYCENTER, recenter
-from cislunar.dynamics.propagation import propagate, state_vector
+from cislunar.dynamics.propagation import propagate
 from cislunar.dynamics.radiation import SUN_RADIUS_KM
 from cislunar.ephemeris.bodies import require_within, tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL

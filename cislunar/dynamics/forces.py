@@ -70,13 +70,15 @@ def of_targets(forces: tuple, targets: NDArray[np.int64]) -> tuple:
     return forces if common else forces.of_targets(targets)
 
 
-def require_targets(forces: tuple, n_targets: int) -> None:
-    """Raise a `ConfigurationError` if a model has values for another number of targets."""
+def require_targets(forces: tuple, n_targets: int | None) -> None:
+    """Raise a `ConfigurationError` if a model has values for another number of targets, or, if this
+    is None, for each target."""
     known = getattr(forces, "n_targets", None)
     if known not in (None, n_targets):
+        remedy = "propagate_bundle has one" if n_targets is None else "pass a model of all targets"
+        needed = "is needed for all states" if n_targets is None else f"not for {n_targets}"
         raise ConfigurationError(
-            f"forces: the model has values for {known} targets, not for {n_targets}; pass a model "
-            "of all targets"
+            f"forces: the model has values for {known} targets, {needed}; {remedy}"
         )
 
 

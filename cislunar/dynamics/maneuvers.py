@@ -121,12 +121,12 @@ def propagate_with_impulses(
     state : array_like, shape (N, 6)
         States at the first time, before an impulse at this time, nondimensional, propagation frame.
     dt : float
-        Step, nondimensional.
+        Step, nondimensional, positive.
     n_steps : int
         Number of steps.
     impulses : Impulses
-        Those before the first time, or at or after the last time, have no effect. An impulse within
-        a millionth of a step of a time is at that time.
+        In the order of time for each state. Those before the first time, or at or after the last
+        time, have no effect. An impulse within a millionth of a step of a time is at that time.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
     start : float
@@ -146,25 +146,29 @@ def propagate_with_impulses(
     Raises
     ------
     ConfigurationError
-        If the force model does not cover the times, an impulse is of a state that does not exist,
-        or times and changes of velocity are not finite or not as many as the impulses.
+        If the step is not positive, the force model does not cover the times, an impulse is of a
+        state that does not exist, or times and changes of velocity are not finite, not as many as
+        the impulses, or not in the order of time.
     """
+    dt = number_of("dt", dt, positive=True)
     out = propagate_bundle(state, dt, n_steps, forces=forces, start=start)
-    count = indices_of("impulses.index", impulses.index, len(out)).size
-    array_of("impulses.time", impulses.time, (count,))
-    array_of("impulses.velocity", impulses.velocity, (count, 3))
-    step = np.floor((impulses.time - start) / dt + _NEAR).astype(np.int64)
+    index = indices_of("impulses.index", impulses.index, len(out))
+    time = array_of("impulses.time", impulses.time, (index.size,))
+    velocity = array_of("impulses.velocity", impulses.velocity, (index.size, 3))
+    step = np.floor((time - start) / dt + _NEAR).astype(np.int64)
     within = (step >= 0) & (step < n_steps)
-    for j in np.unique(impulses.index[within]):
+    for j in np.unique(index[within]):
         alone = of_targets(forces, np.array([j]))
-        own = within & (impulses.index == j)
+        own = within & (index == j)
+        if np.any(np.diff(time[own]) < 0.0):
+            raise ConfigurationError(f"impulses.time: sort the impulses of state {j} by time")
         for k in np.unique(step[own]):
             here, now = out[j, k].copy(), start + k * dt
             for i in np.flatnonzero(own & (step == k)):
-                here = _moved(here, impulses.time[i] - now, alone, now)
-                at = float(impulses.time[i])
-                here[3:] += impulses.velocity[i] if resolve is None else resolve(i, at, here)
-                now = max(now, impulses.time[i])
+                here = _moved(here, time[i] - now, alone, now)
+                at = float(time[i])
+                here[3:] += velocity[i] if resolve is None else resolve(i, at, here)
+                now = max(now, time[i])
             out[j, k + 1] = _moved(here, start + (k + 1) * dt - now, alone, now)
             later = n_steps - k - 1
             out[j, k + 1 :] = propagate_bundle(

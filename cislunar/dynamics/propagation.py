@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from cislunar.constants import MU
 from cislunar.dynamics.adaptive import lanes, runge_kutta
-from cislunar.dynamics.bounds import require_nondimensional
+from cislunar.dynamics.bounds import require_nondimensional, state_vector
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
-from cislunar.dynamics.forces import require_span
+from cislunar.dynamics.forces import require_span, require_targets
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.quantities import nondimensional
 from cislunar.runtime.arguments import Array, array_of, number_of, require_choice
@@ -35,17 +35,9 @@ def _method_and_tolerances(
     return METHODS[method], rtol, atol
 
 
-def state_vector(state: ArrayLike) -> Array:
-    """A state as an array of 6 finite numbers; raises a `ConfigurationError` otherwise."""
-    state = nondimensional("state", state, "state")
-    vector = np.array(array_of("state", state, finite=False))
-    if vector.shape != (6,) or not np.all(np.isfinite(vector)):
-        raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
-    return vector
-
-
 def _integrate(method, forces, start, y0, times, rtol, atol, centers=_NOWHERE) -> tuple:
     """Solution and least distances; a failure of the compiled integrator raises an exception."""
+    require_targets(forces, None)
     require_span(forces, start, start + times[-1])
     out, closest = np.empty((times.size, y0.size)), np.empty(centers.size)
     status, reached = runge_kutta.integrate(
@@ -125,10 +117,8 @@ def propagate(
     y0 = state_vector(state)
     if isinstance(forces, CR3BP):
         require_nondimensional("state", y0)
-    times = array_of("times", nondimensional("times", times, "time"), finite=False)
+    times = array_of("times", nondimensional("times", times, "time"), (None,))
     start = number_of("start", nondimensional("start", start, "time"))
-    if times.ndim != 1 or not np.all(np.isfinite(times)):
-        raise ConfigurationError("times must be a one-dimensional array of finite numbers")
     out = np.empty((times.size, 6))
     for forward in (True, False):
         chosen = np.flatnonzero(times >= 0.0 if forward else times < 0.0)
@@ -167,10 +157,13 @@ def _integrate_many(y0, times, forces, start, method, rtol, atol, on_failure) ->
     if not np.all(np.isfinite(times)):
         raise ConfigurationError("times must be finite numbers")
     times = np.broadcast_to(times, (len(y0), times.shape[-1]))
+    if start.shape not in ((), (len(y0),)):
+        raise ConfigurationError(f"start has shape {start.shape}; give one, or one of each state")
     starts = np.broadcast_to(start, len(y0))
     out = np.empty((*times.shape, y0.shape[1]))
     if out.size == 0:
         return out
+    require_targets(forces, None)
     spans = starts, starts + times.min(axis=1), starts + times.max(axis=1)
     require_span(forces, np.min(spans), np.max(spans))
     # Up to two jobs per row: backward from 0, and forward from 0.
@@ -331,8 +324,13 @@ def propagate_stm(
         shape = (len(states), *durations.shape[-1:])
     else:
         y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
+        steps = np.diff(np.append(0.0, durations))
+        one_way = np.isfinite(steps).all() and (np.all(steps >= 0.0) or np.all(steps <= 0.0))
+        if durations.ndim > 1 or durations.size == 0 or not one_way:
+            rule = "give finite numbers of one sign that increase in magnitude"
+            raise ConfigurationError(f"duration of one state: {rule}")
         start = number_of("start", nondimensional("start", start, "time"))
-        end, _ = _integrate(code, forces, start, y0, np.atleast_1d(durations), rtol, atol)
+        end, _ = _integrate(code, forces, start, y0, durations.ravel(), rtol, atol)
         shape = durations.shape
     return end[..., :6].reshape(*shape, 6), end[..., 6:].reshape(*shape, 6, 6)
 
@@ -396,5 +394,7 @@ def closest_approaches(state: ArrayLike, duration: float, *, mu: float = MU) -> 
     """
     duration = number_of("duration", nondimensional("duration", duration, "time"), positive=True)
     centers = np.array(primary_positions(mu))[:, 0]
-    given = CR3BP(mu), 0.0, state_vector(state), np.array([duration]), 1e-12, 1e-12, centers
+    y0 = state_vector(state)
+    require_nondimensional("state", y0)
+    given = CR3BP(mu), 0.0, y0, np.array([duration]), 1e-12, 1e-12, centers
     return tuple(_integrate(METHODS["dop853"], *given)[1].tolist())

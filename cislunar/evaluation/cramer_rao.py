@@ -41,7 +41,7 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import inside_primary
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime import Array, array_of
+from cislunar.runtime import Array, array_of, indices_of
 from cislunar.runtime.threads import share_out
 
 SIZE = 12
@@ -321,25 +321,29 @@ class CramerRaoBound:
         """
         n_targets, n_offsets = measurements.offset.shape
         n_times = self._model[0].sun_position.shape[0] - self._index
-        if translation.shape[:2] != (n_targets, n_offsets) or n_offsets > n_times:
+        if n_targets != len(self._state.root) or n_offsets > n_times:
             raise ConfigurationError(
-                f"measurements at {n_offsets - 1} steps of {n_targets} targets do not fit true "
-                f"states of shape {translation.shape} or a scene with {n_times} times to come"
+                f"measurements at {n_offsets - 1} steps of {n_targets} targets do not fit surfaces "
+                f"of {len(self._state.root)} targets or a scene with {n_times} times to come"
             )
+        indices_of(
+            "measurements.observer", measurements.observer, len(self._model[0].observer_position)
+        )
         if np.any(measurements.variance < 0.0):
             raise ConfigurationError(
                 "measurements.variance: a value is negative; give mag^2 and rad^2"
             )
         out = np.empty((n_targets, n_offsets - 1, SIZE))
+        given = {"translation": translation, "quaternion": quaternion,
+                 "angular_velocity": angular_velocity}  # fmt: skip
         truth = tuple(
-            np.ascontiguousarray(each, dtype=float)
-            for each in (translation, quaternion, angular_velocity)
+            np.ascontiguousarray(array_of(name, each, (n_targets, n_offsets, size), finite=False))
+            for (name, each), size in zip(given.items(), (6, 4, 3), strict=True)
         )
         chosen = (
             np.ones(n_offsets - 1, dtype=bool) if selected is None else np.array(selected, bool)
         )
-        given = self._index, self._model, truth, measurements, chosen, self._forces
-        given = (*given, self._state, out)
-        share_out(lambda start, stop: _advance((start, stop), *given), n_targets)
+        every = self._index, self._model, truth, measurements, chosen, self._forces
+        share_out(lambda start, stop: _advance((start, stop), *every, self._state, out), n_targets)
         self._index += n_offsets - 1
         return out

@@ -69,9 +69,15 @@ def gospa(targets: ArrayLike, tracks: ArrayLike, cutoff: float, order: float = 2
     """
     if not (cutoff > 0.0 and np.isfinite(cutoff)):
         raise ConfigurationError(f"cutoff = {cutoff} must be positive and finite")
-    if not order >= 1.0:
-        raise ConfigurationError(f"order = {order} must be at least 1")
+    if not (order >= 1.0 and np.isfinite(order)):
+        raise ConfigurationError(f"order = {order} must be at least 1 and finite")
     true, found = (np.asarray(each, dtype=float) for each in (targets, tracks))
+    shapes = [each.shape for each in (true, found) if each.size]
+    if any(len(shape) != 2 or shape[1] != shapes[0][1] for shape in shapes):
+        raise ConfigurationError(
+            f"positions have shapes {true.shape} and {found.shape}; give (n, dimension) and "
+            "(m, dimension)"
+        )
     if not (np.all(np.isfinite(true)) and np.all(np.isfinite(found))):
         raise ConfigurationError("a position is not finite: leave ended tracks out")
     n, m = true.shape[0], found.shape[0]

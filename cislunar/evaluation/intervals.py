@@ -186,7 +186,8 @@ def interval_of(
     """Mean and 95 % confidence interval of a quantity of a cell with `targets` targets.
 
     `values` and `groups` are those of `t_interval`. Counts, shares and `GEOMETRIC_MEANS` have
-    intervals of their own; those of all others are limited to possible values.
+    intervals of their own; those of all others without negative values are limited to possible
+    values.
     """
     if quantity in COUNTS:
         return count_interval(values, groups)
@@ -195,6 +196,8 @@ def interval_of(
     if quantity.startswith(GEOMETRIC_MEANS):
         return log_interval(values, groups)
     found = t_interval(values, groups)
+    if np.any(np.asarray(values, dtype=float) < 0.0):
+        return found
     is_share = "coverage" in quantity or quantity.endswith(("_share", "_fraction"))
     # a mean of shares of 1 may round to a little more
     highest = max(1.0, found.mean) if is_share else np.inf

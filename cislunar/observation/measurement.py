@@ -14,7 +14,7 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import njit_noalloc
 from cislunar.errors import ConfigurationError
@@ -217,24 +217,14 @@ def measure(
         surfaces and states disagree.
     """
     n_targets, n_steps = observations.offset.shape[0], observations.offset.shape[1] - 1
-    states = array_of("states", states, (n_targets, "time", 6), finite=False)
-    times = states.shape[1]
-    attitudes = array_of("attitudes", attitudes, (n_targets, times, 4), finite=False)
-    noise = array_of("noise", noise, (n_targets, times, None, 3), finite=False)
-    if dimmed is None:
-        dimmed = np.zeros((n_targets, times))
-    dimmed = array_of("dimmed", dimmed, (n_targets, times), finite=False)
-    n_times = scene.observer_position.shape[1]
-    if not origin <= first or first + n_steps > min(origin + times, n_times):
-        raise ConfigurationError(
-            f"first = {first}: the {n_steps} steps of the schedule must be among the {n_times} "
-            f"times of the scene and the {times} times of the states from {origin} on"
-        )
     if surfaces.first.size != n_targets + 1:
         raise ConfigurationError(
             f"surfaces of {surfaces.first.size - 1} targets: give those of the {n_targets} "
             "targets of the schedule"
         )
+    span = first, first + n_steps, origin
+    truth = _checked_truth(scene, surfaces, span, states, attitudes, dimmed)
+    noise = array_of("noise", noise, (n_targets, truth[0].shape[1], None, 3), finite=False)
     most = int(np.diff(observations.offset, axis=1).max(initial=0))
     if most > noise.shape[2]:
         raise ConfigurationError(
@@ -249,8 +239,32 @@ def measure(
     outcome = np.empty(n_rows, dtype=np.uint8)
     model = scene, surfaces, limits, truly, true is not None, observations
     out = value, variance, np.empty(3)
-    _measure(first, origin, *model, (states, attitudes, noise, dimmed), out, outcome)
+    _measure(first, origin, *model, (truth[0], truth[1], noise, truth[2]), out, outcome)
     return Measurements(*observations, value, variance), outcome
+
+
+def _checked_truth(
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    span: tuple[int, int, int],
+    states: ArrayLike,
+    attitudes: ArrayLike,
+    dimmed: ArrayLike | None,
+) -> tuple[Array, Array, Array]:
+    """True states, attitudes and dimming, of which the times from the first to before the second of
+    a span are needed; the third is that of the first state."""
+    n_targets, n_times = surfaces.first.size - 1, scene.observer_position.shape[1]
+    states = array_of("states", states, (n_targets, "time", 6), finite=False)
+    times = states.shape[1]
+    attitudes = array_of("attitudes", attitudes, (n_targets, times, 4), finite=False)
+    dimmed = np.zeros((n_targets, times)) if dimmed is None else dimmed
+    first, stop, origin = span
+    if not 0 <= origin <= first or stop > min(origin + times, n_times):
+        raise ConfigurationError(
+            f"first = {first}: the times from {first} to before {stop} must be among the {n_times} "
+            f"times of the scene and the {times} times of the states from {origin} on"
+        )
+    return states, attitudes, array_of("dimmed", dimmed, (n_targets, times), finite=False)
 
 
 @njit_noalloc
@@ -286,9 +300,10 @@ def detectable_targets(
 ) -> NDArray[np.bool_]:
     """Which targets any observer could detect without noise at any time from index `first` of the
     scene on to the last of the states; ndarray of bool, shape (target,). See `measure` for the
-    arguments."""
-    dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
+    arguments and the error raised."""
+    span = first, origin + np.shape(states)[1], origin
+    truth = _checked_truth(scene, surfaces, span, states, attitudes, dimmed)
     limits = sensor_limits(sensor, scene.observer_position.shape[0])
-    found = np.zeros(states.shape[0], dtype=np.bool_)
-    _mark_detectable(first, origin, scene, surfaces, limits, (states, attitudes, dimmed), found)
+    found = np.zeros(surfaces.first.size - 1, dtype=np.bool_)
+    _mark_detectable(first, origin, scene, surfaces, limits, truth, found)
     return found

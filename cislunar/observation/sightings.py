@@ -14,7 +14,7 @@ from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensor, extinction
 from cislunar.observation.sightline import BRIGHT, CLEAR, obstacle
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.quantities import in_unit, nondimensional
@@ -30,7 +30,8 @@ class Sightings(NamedTuple):
         DETECTED, FAINT, EXCLUDED or OCCULTED of `cislunar.observation.measurement`.
     magnitude, range_km, phase_angle_deg : ndarray, shape (time,)
         Apparent magnitude (inf where no lit part is visible), distance from observer to target, and
-        angle at the target between Sun and observer.
+        angle at the target between Sun and observer. The magnitude is that without the atmosphere,
+        by which a telescope on the ground is nevertheless limited.
     body_angle_deg : ndarray, shape (time, 3)
         Angles at the observer between the target and the centers of Sun, Moon and Earth.
     """
@@ -43,11 +44,13 @@ class Sightings(NamedTuple):
 
 
 @njit_noalloc
-def _obstacles(observer, way, sun, limits, primaries, outcome):
-    """Write EXCLUDED or OCCULTED into `outcome` (time,) where there is an obstacle."""
+def _find_outcomes(observer, way, sun, magnitude, limits, primaries, outcome):
+    """Write the detection outcomes (time,) of apparent magnitudes without air."""
     for k in range(outcome.size):
         x, y, z = observer[k, 0], observer[k, 1], observer[k, 2]
         dx, dy, dz = way[k, 0], way[k, 1], way[k, 2]
+        air = extinction(x, y, z, dx, dy, dz, primaries[0], limits)
+        outcome[k] = DETECTED if magnitude[k] + air <= limits.limiting_magnitude else FAINT
         found = obstacle(x, y, z, dx, dy, dz, sun[k], limits, primaries)
         if found != CLEAR:
             outcome[k] = EXCLUDED if found == BRIGHT else OCCULTED
@@ -121,9 +124,9 @@ def sightings(
         radius_m=radius_m,
         diffuse_reflection_coefficient=diffuse_reflection_coefficient,
     )
-    outcome = np.where(magnitude <= limits.limiting_magnitude, DETECTED, FAINT).astype(np.uint8)
+    outcome = np.empty(len(way), dtype=np.uint8)
     primaries = np.array(primary_positions(mu))
-    _obstacles(watcher, way, light, limits, primaries, outcome)
+    _find_outcomes(watcher, way, light, magnitude, limits, primaries, outcome)
     earth, moon = primaries
     bodies = np.stack([light, np.broadcast_to(moon, way.shape), np.broadcast_to(earth, way.shape)])
     angles = phase_angle(way, bodies - watcher)

@@ -130,7 +130,8 @@ def target_surfaces(
     ------
     ConfigurationError
         If an argument is of another kind, there is neither one for all targets nor one for each, an
-        inertia is not physical, or the bodies cannot be joined; see `joined_surfaces`.
+        inertia is not physical, a body mixes reflection laws, or the bodies cannot be joined; see
+        `joined_surfaces`.
     InputFileError
         If the table of the reflection law cannot be used.
     """
@@ -153,6 +154,11 @@ def target_surfaces(
         shape if isinstance(shape, Body) else plain_body(shape, surface)
         for shape, surface in zip(shapes, surfaces, strict=True)
     ]
+    for j, body in enumerate(bodies):
+        if body.mixed:
+            raise ConfigurationError(
+                f"facets: the body of target {j} mixes reflection laws; give one with a single law"
+            )
     law = np.array([model.law or body.law for body in bodies])
     tables = [load_reflectance_table(model.reflection)] if model.law == TABULATED else []
     return TargetSurfaces(

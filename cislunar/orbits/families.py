@@ -133,7 +133,8 @@ def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) 
             members.append(between(branch[i], branch[i + 1], position - i, mu))
         else:
             guess, tangent = interpolate(branch[i], branch[i + 1], position - i)
-            members.append(Point(correct(guess, fix_coordinate(X, x), mu), tangent))
+            half = correct(guess, fix_coordinate(X, x), mu, section=branch[i].half.section)
+            members.append(Point(half, tangent))
     return members if count == 1 else [*members, branch[-1]]
 
 

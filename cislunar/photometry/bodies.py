@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import njit
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.errors import ConfigurationError
 from cislunar.photometry.body_blocks import body_magnitudes
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
@@ -32,7 +33,7 @@ from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
 from cislunar.photometry.shapes import Facets, facets_from_triangles
-from cislunar.runtime import Array
+from cislunar.runtime import Array, require_kind
 
 
 class Body(NamedTuple):
@@ -173,17 +174,28 @@ def apparent_body_magnitude(
     Raises
     ------
     ConfigurationError
-        If an argument is impossible; see `cislunar.photometry.facets.apparent_magnitude`.
+        If an argument is impossible (see `cislunar.photometry.facets.apparent_magnitude`), or
+        `model` has neither the default reflection law nor that of the body.
     """
     geometry = quaternion, sun_direction, view_direction, range_m
     model = PhotometryModel() if model is None else model
+    require_kind("body", body, Body, "give a Body, such as plain_body(icosahedron(), Material())")
     if not body.composite:
         material = material_of(body.materials[0])
         return apparent_magnitude(
             *geometry, body.facets, material, model, sun_magnitude=sun_magnitude
         )
+    if model.law not in (0, body.law):
+        raise ConfigurationError(
+            f"model.reflection = {model.reflection!r}: the body has another reflection law; use "
+            "cislunar.observation.target_surfaces for other laws"
+        )
     shape, rows = broadcast_geometries(*geometry)
     returned = _light_thrown_back(*rows[:3], body, model.fresnel_sqrt).reshape(shape)
+    # a facet that is not known to be lit counts as dark in the kernels
+    returned[
+        ~np.all([np.isfinite(each).all(axis=1) for each in rows[:3]], axis=0).reshape(shape)
+    ] = np.nan
     spread = np.pi * np.broadcast_to(range_m, shape) ** 2
     if model.irradiance_4pi:
         spread = spread * 4.0 * np.pi

@@ -166,7 +166,8 @@ def upper_stage(
 
 def box(size: ArrayLike = (1.0, 1.0, 1.0)) -> Mesh:
     """A box with edges `size` along the body axes, m; a cube by default."""
-    _check_positive("box", [*size])
+    size = array_of("size", size, (3,))
+    _check_positive("box", size)
     vertices, triangles = _box(size, 1)
     return closed_mesh("box", vertices, triangles, ("",) * len(triangles))
 
@@ -175,7 +176,7 @@ def prism(sides: int = 6, diameter: float = 1.0, height: float = 1.0) -> Mesh:
     """A right prism about z with a regular base of circumscribed circle `diameter`, m.
 
     The default is a hexagonal prism as high as it is wide; many sides approximate a cylinder."""
-    _check_positive("prism", [sides - 2, diameter, height])
+    _check_positive("prism", [count_of("sides", sides, 3), diameter, height])
     rim, top = 0.5 * diameter, 0.5 * height
     profile = [(0.0, top), (rim, top), (rim, -top), (0.0, -top)]
     return _joined("prism", [_revolved(profile, ("",) * 3, sides)])

@@ -97,9 +97,15 @@ def sphere_magnitude(
     Raises
     ------
     ConfigurationError
-        If the radius is not positive, or the coefficient is negative.
+        If the radius or a distance is not positive, a phase angle is not from 0 to pi, or the
+        coefficient is negative. NaN is not refused.
     """
     number_of("radius_m", radius_m, positive=True)
+    phase, distance = (np.asarray(each, dtype=float) for each in (phase_angle, range_m))
+    if np.any((phase < 0.0) | (phase > np.pi)):
+        raise ConfigurationError("phase_angle: give angles from 0 to pi, rad")
+    if np.any(distance <= 0.0):
+        raise ConfigurationError("range_m: give positive distances, m")
     if not diffuse_reflection_coefficient >= 0.0:
         raise ConfigurationError(
             f"diffuse_reflection_coefficient = {diffuse_reflection_coefficient} is negative"
@@ -108,8 +114,8 @@ def sphere_magnitude(
         2.0
         * diffuse_reflection_coefficient
         * radius_m**2
-        / (3.0 * np.pi * np.asarray(range_m, dtype=float) ** 2)
-        * phase_function(phase_angle)
+        / (3.0 * np.pi * distance**2)
+        * phase_function(phase)
     )
     with np.errstate(divide="ignore"):
         return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(np.maximum(ratio, 0.0))

@@ -188,6 +188,7 @@ def test_table_types_agree(dtype):
         ([3], [1], r"orbit indices must lie in 0 \.\. 2"),
         ([0], [0], r"satellites must lie in 1 \.\. 2"),
         ([0], [3], r"satellites must lie in 1 \.\. 2"),
+        ([0.9], [1.5], "must be whole numbers"),
     ],
 )
 def test_impossible_architectures_are_refused(orbit, satellites, message):
@@ -202,6 +203,7 @@ def test_tables_that_do_not_belong_together_are_refused():
         ("distance", right.distance[:1]),
         ("stability_index", np.full(3, np.nan)),
         ("n_steps", 0),
+        ("family", np.array(["a"] * 4)),
     ):
         with pytest.raises(ConfigurationError, match=name):
             CostFunction(dataclasses.replace(right, **{name: wrong}))

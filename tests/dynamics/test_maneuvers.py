@@ -114,6 +114,11 @@ def test_impossible_impulses_are_refused(change, message):
     impulses = Impulses(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros((1, 3)))
     with pytest.raises(ConfigurationError, match=message):
         propagate_with_impulses(STATES, STEP, 5, impulses._replace(**change))
+    with pytest.raises(ConfigurationError, match=r"dt = -0\.1 must be a positive number"):
+        propagate_with_impulses(STATES, -0.1, 5, impulses)
+    with pytest.raises(ConfigurationError, match="sort the impulses of state 0 by time"):
+        two = Impulses(np.zeros(2, dtype=np.int64), np.array([STEP, 0.0]), np.zeros((2, 3)))
+        propagate_with_impulses(STATES, STEP, 5, two)
     for wrong in (np.nan, -1.0):
         with pytest.raises(ConfigurationError, match=f"duration_s = {wrong}"):
             burn_times(0.0, wrong)

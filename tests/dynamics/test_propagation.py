@@ -260,6 +260,22 @@ def test_other_shapes_are_refused(call, name):
         call()
 
 
+@pytest.mark.parametrize("duration", [[-1.0, 1.0], [2.0, 1.0], [0.5, np.nan], np.inf, [], [[1.0]]])
+def test_durations_of_one_state_are_in_order(duration):
+    with pytest.raises(ConfigurationError, match="duration of one state: give finite numbers of"):
+        propagate_stm(GENERIC, duration)
+
+
+def test_one_start_or_one_of_each_state():
+    with pytest.raises(ConfigurationError, match=r"start has shape \(3,\); give one, or one of"):
+        propagate_many([GENERIC, GENERIC], [1.0], start=np.zeros(3))
+
+
+def test_a_state_in_km_has_no_least_distances():
+    with pytest.raises(ConfigurationError, match="state"):
+        closest_approaches(np.array([3e5, 0.0, 0.0, 0.0, 1.0, 0.0]), 1.0)
+
+
 def test_states_that_are_not_examined_are_within_the_bounds():
     """At random and at the corners of the cube, in which components are largest."""
     rng = np.random.default_rng(3)

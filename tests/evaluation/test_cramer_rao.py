@@ -181,6 +181,7 @@ def test_only_the_final_hours_count():
     [
         ({"observer": np.zeros((3, 4), dtype=int), "ends": (180,)}, "measurements"),
         ({"sigma": np.zeros(12)}, "sigma"),
+        ({"observer": np.full((3, 180), 7)}, "measurements.observer: 7 must be"),
         ({"noise": (0.1, -1.0, 1e-5)}, "variance"),
     ],
 )

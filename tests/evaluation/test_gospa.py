@@ -62,6 +62,7 @@ def test_a_track_half_of_false_alarms_belongs_to_its_target():
 @pytest.mark.parametrize(
     "change, words",
     [({"cutoff": 0.0}, "cutoff = 0"), ({"order": 0.5}, "order = 0.5"),
+     ({"order": np.inf}, "order = inf"), ({"tracks": [1.0, 0.0]}, r"shapes \(1, 2\) and \(2,\)"),
      ({"targets": [[np.nan, 0.0]]}, "not finite")],
 )  # fmt: skip
 def test_impossible_arguments_are_one_line(change, words):

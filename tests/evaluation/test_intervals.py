@@ -68,6 +68,12 @@ def test_intervals_over_days_cover_the_mean_where_realizations_of_a_day_are_corr
     assert inside(None) < 0.75 * runs
 
 
+def test_quantities_with_a_sign_are_not_cut_at_zero():
+    values = [-1.1, -0.9, -1.0, -1.02]
+    found = interval_of("difference", values, 20)
+    assert found == t_interval(values) and found.low < found.mean < found.high < 0.0
+
+
 def test_contrasts_are_those_of_scipy():
     rng = np.random.default_rng(3)
     day = rng.normal(0.0, 1.0, 10)

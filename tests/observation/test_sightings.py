@@ -7,7 +7,7 @@ from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.ephemeris.sampling import sample_ephemeris
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
-from cislunar.observation.sensor import ExclusionAngles, Sensor
+from cislunar.observation.sensor import Atmosphere, ExclusionAngles, GroundSensor, Sensor
 from cislunar.observation.sightings import sightings
 from cislunar.orbits.catalog import periodic_orbits
 from cislunar.photometry.sphere import sphere_magnitude
@@ -71,6 +71,15 @@ def test_outcome_of_an_observation_past_the_moon(sensor, outcome):
     """The target is just behind the limb of the Moon, the observer in front of it."""
     observer, target = np.array([[0.9, 0.0, 0.0]]), np.array([[1.05, 0.002, 0.0]])
     assert sightings(observer, target, SUN, sensor).outcome == [outcome]
+
+
+@pytest.mark.parametrize(("mag", "outcome"), [(0.0, DETECTED), (20.0, FAINT)])
+def test_the_atmosphere_limits_a_telescope_on_the_ground(mag, outcome):
+    air = Atmosphere(extinction_mag=mag, min_elevation_deg=1.0, sun_below_deg=0.0)
+    site, target = np.array([[-MU + 0.0166, 0.0, 0.0]]), np.array([[0.1, 0.03, 0.0]])
+    sun = np.array([[-380.0, 1.0, 0.0]])
+    found = sightings(site, target, sun, GroundSensor(exclusion_deg=OPEN, atmosphere=air))
+    assert found.outcome == [outcome] and found.magnitude < 20.0
 
 
 def test_impossible_inputs_are_refused():

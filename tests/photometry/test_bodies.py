@@ -13,7 +13,14 @@ from cislunar.photometry import spacecraft
 from cislunar.photometry.bodies import Body, apparent_body_magnitude, build_body, plain_body
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.facets import IRRADIANCE_FLOOR, apparent_magnitude, facet_irradiance
-from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material, PhotometryModel
+from cislunar.photometry.materials import (
+    FOIL,
+    PAINT,
+    PANEL,
+    PHASE_SLOPE,
+    Material,
+    PhotometryModel,
+)
 from cislunar.photometry.parameter_deviations import perturbed_body
 from cislunar.photometry.shadows.table import shadowing_pairs
 from cislunar.photometry.shapes import facets_from_triangles, icosahedron
@@ -29,6 +36,28 @@ def test_convex_body_of_one_material_uses_the_convex_kernel():
     np.testing.assert_array_equal(apparent_body_magnitude(*geometry, body), expected)
     composite = apparent_body_magnitude(*geometry, body._replace(composite=True))
     np.testing.assert_allclose(composite, expected, atol=1e-12)
+
+
+def test_a_direction_that_is_not_known_has_no_magnitude():
+    body = build_body(CUBE, FOIL)._replace(composite=True)
+    for known in (0, 1, 2):
+        given = [np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)), *np.tile([0.0, 0.0, 1.0], (2, 2, 1))]
+        given[known][1] = np.nan
+        one, two = apparent_body_magnitude(*given, 1e7, body)
+        assert np.isfinite(one) and np.isnan(two)
+
+
+def test_laws_that_a_body_does_not_have_are_refused():
+    law = PhotometryModel(reflection="lambert-phong")
+    geometry = [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 1e7
+    composite = build_body(CUBE, FOIL)._replace(composite=True)
+    for body in (composite, build_body(CUBE, FOIL)):
+        with pytest.raises(ConfigurationError, match=r"model\.reflection = 'lambert-phong'"):
+            apparent_body_magnitude(*geometry, body, law)
+    assert np.isfinite(apparent_body_magnitude(*geometry, composite._replace(law=1), law))
+    mixed = perturbed_body(np.array([PHASE_SLOPE]), np.ones(1), build_body(CUBE, FOIL))
+    with pytest.raises(ConfigurationError, match="target 0 mixes reflection laws"):
+        target_surfaces(mixed, FOIL, 1)
 
 
 def test_materials_of_groups_add_up():

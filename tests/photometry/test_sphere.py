@@ -134,6 +134,8 @@ def test_impossible_spheres_and_angles_are_refused():
     for call, words in (
         (lambda: sphere_magnitude(1e8, 0.5, radius_m=-1.0), "radius_m"),
         (lambda: sphere_magnitude(1e8, 0.5, diffuse_reflection_coefficient=-1.0), "diffuse"),
+        (lambda: sphere_magnitude(1e8, 90.0), "phase_angle: give angles from 0 to pi"),
+        (lambda: sphere_magnitude([1e8, 0.0], 0.5), "range_m: give positive distances"),
         (lambda: returned_light(PANEL, 2.0), "incidence = 2.0"),
         (lambda: returned_light(PANEL, np.nan), "incidence = nan"),
     ):
