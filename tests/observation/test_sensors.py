@@ -266,9 +266,7 @@ def test_targets_within_reach_are_those_detected_without_noise(problem):
     whole = detectable_targets(31, scene, surfaces, sensor, *motion, dimmed=dimmed)
     later = detectable_targets(31, scene, surfaces, sensor, *late, origin=30, dimmed=dimmed[:, 30:])
     np.testing.assert_array_equal(whole, later)
-    with pytest.raises(
-        ConfigurationError, match="first = 0: the times from 0 to before"
-    ):
+    with pytest.raises(ConfigurationError, match="first = 0: the times from 0 to before"):
         detectable_targets(0, scene, surfaces, sensor, *motion, origin=2)
     with pytest.raises(ConfigurationError, match=r"states has shape \(4, "):
         detectable_targets(1, scene, surfaces, sensor, *(each[:4] for each in motion))
