@@ -44,6 +44,8 @@ def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple
     nu, s = np.asarray(residual, dtype=float), np.asarray(covariance, dtype=float)
     try:
         root = np.linalg.cholesky(s)
+        if np.isnan(root).any():
+            raise np.linalg.LinAlgError
     except np.linalg.LinAlgError:
         raise ConfigurationError("covariance must be positive definite") from None
     white = np.linalg.solve(root, nu[..., None])[..., 0]

@@ -238,6 +238,8 @@ def set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
     ndarray of int
         Indices of the chosen hypotheses.
     """
+    if score.size == 0:
+        return np.empty(0, dtype=np.int64)
     number = np.repeat(np.arange(score.size), [each.size for each in sets])
     rows = [
         _conflicts(pairs, items, score.size)

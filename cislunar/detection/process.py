@@ -23,7 +23,9 @@ class DetectionProcess(Section):
 
     def log_intensity(self, magnitude: Array, limit: Array, more_deg2: float) -> Array:
         """Logarithm of the density of detections that are of no track, per square radian and
-        magnitude: false alarms and `more_deg2` others, with the same magnitudes."""
+        magnitude: false alarms and `more_deg2` others, with the same magnitudes. It is per square
+        radian alone where the magnitude is NaN, hence unknown."""
         per_square = (self.false_alarms_deg2 + more_deg2) * np.rad2deg(1.0) ** 2
         rate = np.log(10.0) * self.false_alarm_slope
-        return np.log(per_square * rate) + rate * (magnitude - limit)
+        known = np.log(per_square * rate) + rate * (magnitude - limit)
+        return np.where(np.isnan(magnitude), np.log(per_square), known)

@@ -98,7 +98,11 @@ def covariance_roots(covariance: Array) -> Array:
     numpy.linalg.LinAlgError
         If a covariance is not positive semidefinite.
     """
-    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    if not (np.all(variance >= 0.0) and np.all(np.isfinite(covariance))):
+        raise np.linalg.LinAlgError("a covariance is not positive semidefinite")
+    scale = np.sqrt(variance)
     units = scale[:, :, None] * scale[:, None]
-    correlation = covariance / units + 1e-12 * np.eye(covariance.shape[-1])
+    correlation = np.divide(covariance, units, out=np.zeros(units.shape), where=units > 0.0)
+    correlation += 1e-12 * np.eye(covariance.shape[-1])
     return scale[:, :, None] * np.linalg.cholesky(correlation)

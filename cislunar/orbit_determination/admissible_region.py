@@ -10,6 +10,7 @@ state.
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import model_validator
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
 from cislunar.dynamics import (
@@ -54,6 +55,17 @@ class AdmissibleRegion(Section):
         default=0.9)
 
     # fmt: on
+
+    @model_validator(mode="after")
+    def _is_not_empty(self) -> "AdmissibleRegion":
+        """A limit is not beyond its opposite."""
+        for least, largest in (
+            ("least_range_km", "largest_distance_km"), ("least_jacobi", "largest_jacobi"),
+            ("least_size_m2", "largest_size_m2"),
+        ):  # fmt: skip
+            if getattr(self, least) >= getattr(self, largest):
+                raise ConfigurationError(f"{least} must be below {largest}")
+        return self
 
     @property
     def radius(self) -> float:

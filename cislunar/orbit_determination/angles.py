@@ -188,7 +188,7 @@ def make_angles(
     ):
         for row in np.flatnonzero(~right)[:1].tolist():
             raise ConfigurationError(f"{name} of row {row} must be positive")
-    _require_order(times)
+    require_order(times)
     unit = vectors / length[:, None]
     return Angles(
         times,
@@ -294,7 +294,7 @@ def angles_from_table(
     covariance = rms[:, :, None] * rms[:, None] * np.eye(2)
     covariance[:, 0, 1] = covariance[:, 1, 0] = rms.prod(axis=1) * table["rmsCorr"].to_numpy()
     times = (tdb - epoch) / TIME_UNIT_S
-    _require_order(times)
+    require_order(times)
     return Angles(
         times,
         np.unique(table["stn"].to_numpy().astype(str), return_inverse=True)[1].astype(np.int64),
@@ -310,7 +310,8 @@ def angles_from_table(
     )
 
 
-def _require_order(times: Array) -> None:
+def require_order(times: Array) -> None:
+    """Raise a `ConfigurationError` if the times (row,) of detections are not in order."""
     for row in np.flatnonzero(np.diff(times) < 0.0)[:1].tolist():
         raise ConfigurationError(
             f"time of row {row + 1} is before that of row {row}; sort the rows"

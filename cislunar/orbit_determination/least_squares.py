@@ -21,7 +21,7 @@ from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
-from cislunar.orbit_determination.angles import Angles, frame_rate
+from cislunar.orbit_determination.angles import Angles, frame_rate, require_order
 from cislunar.runtime.arguments import Array, Indices, array_of, indices_of
 
 CONVERGED, NOT_CONVERGED, SINGULAR, NOT_PROPAGATED = 0, 1, 2, 3
@@ -305,6 +305,7 @@ def fit_orbits(
         If a fit has fewer than three rows, rows do not exist or do not increase, shapes disagree,
         or the force model does not cover the times.
     """
+    require_order(angles.time)
     given = array_of("state", state, finite=False)
     if given.size and given.shape != (6,):
         array_of("state", given, ("fit", 6), finite=False)

@@ -138,8 +138,11 @@ def link(
     """
     region = AdmissibleRegion() if region is None else region
     settings = LinkingSettings() if settings is None else settings
-    if not np.all(np.isfinite(log_clutter)):
-        raise ConfigurationError("log_clutter must be finite; give a small density for no clutter")
+    if np.shape(log_clutter) not in ((), (angles.time.size,)) or not np.isfinite(log_clutter).all():
+        raise ConfigurationError(
+            "log_clutter: give one finite number, or one of each detection; a small density for no "
+            "clutter"
+        )
     if angles.time.size:
         require_span(forces, angles.time[0], angles.time[-1])
     found = LinkHypotheses(angles, tracklets, forces, region, settings, log_clutter)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, acceleration, at
+from cislunar.errors import ConfigurationError
 from cislunar.observation import ARCSECOND
 from cislunar.orbit_determination.admissible_region import (
     AdmissibleRegion,
@@ -29,7 +30,7 @@ from cislunar.orbit_determination.admissible_region import (
 )
 from cislunar.orbit_determination.angles import frame_rate
 from cislunar.orbit_determination.tracklets import Attributables
-from cislunar.runtime import Array, Indices
+from cislunar.runtime import Array, Indices, indices_of
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
 
 _COARSE = 4
@@ -333,10 +334,13 @@ def pair_starts(
     PairStarts
         Local minima over the range within the tolerances, in the order of the pairs; none for a
         pair that no orbit joins, and at most `settings.most_starts` for a first tracklet.
+        A pair of other tracklets, or not in order of time, raises a `ConfigurationError`.
     """
     settings = PairSettings() if settings is None else settings
     rate = frame_rate(forces)
-    pairs = np.ascontiguousarray(pairs, dtype=np.int64).reshape(-1, 2)
+    pairs = indices_of("pairs", pairs, tracklets.time.size).reshape(-1, 2)
+    if not np.all(np.diff(tracklets.time[pairs], axis=1) > 0.0):
+        raise ConfigurationError("pairs: give the earlier tracklet of each pair first")
     ranges = range_grid(region, settings.n_ranges)
     vectors = [
         tracklets.observer_position, tracklets.observer_velocity, tracklets.direction,
@@ -364,9 +368,9 @@ def pair_starts(
 
 
 def _smallest_of_each(group: Indices, cost: Array, most: int) -> Indices:
-    """Indices of the `most` smallest costs of each group; groups are in increasing order."""
+    """Indices of the `most` smallest costs of each group."""
     order = np.lexsort((cost, group))
-    rank = np.arange(group.size) - np.searchsorted(group, group)
+    rank = np.arange(group.size) - np.searchsorted(group[order], group[order])
     return np.sort(order[rank < most])
 
 

@@ -124,7 +124,7 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
     chi_squared[fitted], failed[fitted] = separate.chi_squared, separate.status != CONVERGED
     decrease = fits.chi_squared[of] - chi_squared.reshape(-1, 2).sum(axis=1)
     degrees = np.minimum(2 * size, 6).reshape(-1, 2).sum(axis=1) - 6
-    probability = chi2.sf(np.maximum(decrease, 0.0), degrees)
+    probability = np.where(degrees > 0, chi2.sf(np.maximum(decrease, 0.0), degrees), 1.0)
     two = np.bincount(np.array(of, dtype=np.int64), minlength=fits.epoch.size)[of] == 1
     probability[two & failed.reshape(-1, 2).any(axis=1)] = 0.0
     np.minimum.at(out, of, probability)

@@ -233,7 +233,8 @@ class SurveyCatalog:
         limits = np.concatenate([np.empty(0), *self._limits])
         # what is not a false alarm may be of objects that are not linked
         others = angles.time.size / max(self._area_deg2, 1.0) - self.process.false_alarms_deg2
-        intensity = self.process.log_intensity(angles.magnitude, limits, max(others, 1e-3))
+        scored = np.where(np.isnan(angles.sun).any(axis=1), np.nan, angles.magnitude)
+        intensity = self.process.log_intensity(scored, limits, max(others, 1e-3))
         self._linked = link(
             angles,
             self.tracklets,

@@ -139,7 +139,8 @@ def light_curve(
     own, away = own[order], fits.position[fits.begin[k] : fits.begin[k + 1]][order]
     place, sun = angles.observer_position[own] + away, angles.sun[own]
     index = np.rint(angles.time[own] / scene.step).astype(np.int64)
-    known = angles.magnitude_variance[own] > 0.0  # not of NaN
+    # a magnitude or a variance may be NaN
+    known = np.isfinite(angles.magnitude[own]) & (angles.magnitude_variance[own] > 0.0)
     known &= dimming(place[None], sun, scene.primaries[index])[0] == 0.0
     own, away, lit, index = own[known], away[known], (sun - place)[known], index[known]
     distance, turn = np.linalg.norm(away, axis=1), scene.frame_axes[index]

@@ -27,6 +27,9 @@ from cislunar.runtime.arguments import array_of, count_of, indices_of, number_of
 _STEP_S = 300.0
 """Longest step of the propagation, for orbits of some hours about Earth and Moon."""
 
+_SAME_TIME = 1e-12
+"""Times that differ by at most this, nondimensional, are equal but for rounding."""
+
 
 class ObjectDensity:
     """Particles of undetected objects.
@@ -73,7 +76,8 @@ class ObjectDensity:
     ) -> None:
         self.state = array_of("state", state, ("particle", 6)).copy()
         self.size_m2 = array_of("size_m2", size_m2, (len(self.state),)).copy()
-        if len(self.state) == 0 or not np.all(self.size_m2 > 0.0) or not expected > 0.0:
+        finite = np.isfinite(expected)
+        if len(self.state) == 0 or not (np.all(self.size_m2 > 0.0) and finite and expected > 0.0):
             raise ConfigurationError(
                 f"density: {len(self.state)} particles, sizes and an expected number of {expected} "
                 "must all be positive"
@@ -82,6 +86,7 @@ class ObjectDensity:
         self.region = AdmissibleRegion() if region is None else region
         self.time = 0.0
         self.weight = np.full(len(self.state), float(expected) / len(self.state))
+        self._inside = np.ones(len(self.state), dtype=bool)
 
     @property
     def expected(self) -> float:
@@ -93,13 +98,13 @@ class ObjectDensity:
         lose their weight and stay where they are. A time that is not finite or earlier than the
         last one raises a `ConfigurationError`."""
         span = number_of("time", time) - self.time
-        if span < 0.0:
+        if span < -_SAME_TIME:
             raise ConfigurationError(
                 f"time = {time} is before {self.time}; advance in order of time"
             )
-        if span == 0.0:
+        if span <= _SAME_TIME:
             return
-        active = np.flatnonzero(self.weight > 0.0)
+        active = np.flatnonzero(self._inside)
         steps = int(np.ceil(span * TIME_UNIT_S / _STEP_S - 1e-9))
         path = propagate_bundle(
             self.state[active], span / steps, steps, forces=self.forces, start=self.time
@@ -108,7 +113,7 @@ class ObjectDensity:
         good = np.all(np.isfinite(path), axis=1)
         good[good] = is_admissible(path[good], self.time, self.forces, self.region)
         self.state[active[good]] = path[good]
-        self.weight[active[~good]] = 0.0
+        self.weight[active[~good]], self._inside[active[~good]] = 0.0, False
         if self.births_per_day > 0.0 and np.any(good):
             born = self.births_per_day * span * TIME_UNIT_S / SECONDS_PER_DAY
             self.weight[active[good]] += born / np.count_nonzero(good)
@@ -150,6 +155,9 @@ class ObjectDensity:
         density = array_of("likelihood", likelihood)
         if density.size:
             array_of("likelihood", density, ("detection", which.size))
+        if np.any(density < 0.0):
+            raise ConfigurationError("likelihood must not be negative")
+        density = density.reshape(-1, which.size) if density.size else np.empty((0, which.size))
         if number_of("false_alarms", false_alarms) < 0.0:
             raise ConfigurationError(f"false_alarms = {false_alarms} must not be negative")
         count_of("visits", visits)

@@ -85,6 +85,8 @@ def hand_over(
         If no confirmed orbit can be handed over, or a number is impossible.
     """
     time = number_of("time", time)
+    if number_of("radiation_sigma", radiation_sigma) < 0.0:
+        raise ConfigurationError(f"radiation_sigma = {radiation_sigma} must not be negative")
     rate = number_of("angular_velocity_sigma_deg_h", angular_velocity_sigma_deg_h, positive=True)
     confirmed = np.flatnonzero(orbits.confirmed)
     fits = orbits.fits.take(confirmed)

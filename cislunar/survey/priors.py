@@ -160,7 +160,10 @@ def _uniform(region: AdmissibleRegion, count: int, rng) -> Array:
     position = region.radius * _in_ball(trials, rng)
     fastest2 = np.maximum(2.0 * pseudo_potential(position) - region.least_jacobi, 0.0)
     volume = fastest2**1.5
-    chosen = rng.choice(trials, size=count, replace=False, p=volume / volume.sum())
+    if not volume.any():
+        return np.empty((0, 6))
+    # positions may repeat, since those near a body have much of the volume; velocities do not
+    chosen = rng.choice(trials, size=count, p=volume / volume.sum())
     velocity = np.sqrt(fastest2[chosen])[:, None] * _in_ball(count, rng)
     return np.concatenate([position[chosen], velocity], axis=1)
 

@@ -91,7 +91,7 @@ def run_survey(
     state : array_like, shape (object, 6)
         True states at the start, nondimensional, propagation frame.
     target_ids : array_like of int, shape (object,)
-        Identity of each object, which with the seed selects its random numbers.
+        Identity of each object, see `TrueObjects`.
     seed : int
         Of attitudes, measurement errors and false alarms.
     density : ObjectDensity

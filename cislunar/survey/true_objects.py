@@ -34,7 +34,8 @@ class TrueObjects:
     states : ndarray, shape (object, 6)
         At the start, nondimensional, propagation frame.
     ids : ndarray of int, shape (object,)
-        Identities, which with the seed select random numbers.
+        Identities, which with the seed select the random numbers of bodies, maneuvers and noise;
+        those of attitudes, rotations and missed detections depend on the row.
     seed : int
     duration_hours : float
         Of the survey.

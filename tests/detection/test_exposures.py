@@ -297,6 +297,10 @@ def test_the_intensity_of_false_alarms_is_the_density_that_the_association_assum
     assert process.log_intensity(15.0, 18.0, 0.0) == pytest.approx(
         process.log_intensity(18.0, 18.0, 0.0) - 3.0 * SLOPE * np.log(10.0)
     )
+    # without a magnitude, the density per square radian alone
+    assert np.exp(process.log_intensity(np.nan, 18.0, 0.0)) == pytest.approx(
+        process.false_alarms_deg2 * np.rad2deg(1.0) ** 2
+    )
 
 
 def test_false_alarms_do_not_depend_on_where_an_observer_points_or_who_is_idle():

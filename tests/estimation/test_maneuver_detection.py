@@ -206,6 +206,8 @@ def test_planned_bounds_count_the_observations_of_a_target_until_a_time(problem,
         planned_bound(planned, two, step_s)
     with pytest.raises(ConfigurationError, match="bound has shape"):
         detectable_impulse(np.ones(3), 28.2)
+    with pytest.raises(ConfigurationError, match="bound is not positive definite"):
+        detectable_impulse(-np.eye(3), 28.2)
 
 
 def test_power_is_that_of_simulated_impulses(planned):

@@ -14,6 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.track_arrays import covariance_roots
 from cislunar.observation.measurement import measure
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import no_measurements, pointed_schedule, rows_of
@@ -330,3 +331,12 @@ def test_force_models_may_have_values_for_each_target(problem):
         MultiplicativeUKF(
             problem.scene, problem.surfaces, SENSOR, problem.of([0])[0], forces=forces
         )
+
+
+def test_roots_of_covariances_and_what_is_none():
+    given = np.array([np.diag([4.0, 0.0, 9.0]), np.eye(3) + 0.5])
+    roots = covariance_roots(given)
+    np.testing.assert_allclose(roots @ roots.swapaxes(1, 2), given, rtol=1e-11, atol=1e-11)
+    for wrong in (np.diag([1.0, -1.0, 1.0]), np.diag([1.0, np.nan, 1.0])):
+        with pytest.raises(np.linalg.LinAlgError):
+            covariance_roots(wrong[None])

@@ -1,9 +1,11 @@
 """Pairs of the tracklets of objects that fly in a group."""
 
 import numpy as np
+import pytest
 from nights import OBJECTS, night
 
 from cislunar.dynamics import propagate
+from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, attributables, pair_starts
 from cislunar.orbit_determination.pairs import PairSettings, pairs_within
 
@@ -36,6 +38,20 @@ def test_the_starts_with_the_smallest_residuals_of_each_tracklet_remain():
         np.testing.assert_array_equal(few.second[there], every.second[kept])
         np.testing.assert_array_equal(few.state[there], every.state[kept])
         np.testing.assert_array_equal(few.cost[there], every.cost[kept])
+
+
+def test_starts_do_not_depend_on_the_order_of_the_pairs():
+    tracklets, region = group_of_tracklets(), AdmissibleRegion()
+    pairs = pairs_within(tracklets, 8.0, 0.0, tracklets.time.size)
+    few = PairSettings(most_starts=4)
+    usual = pair_starts(tracklets, pairs, region, few)
+    other = pair_starts(tracklets, pairs[np.argsort(pairs[:, 1], kind="stable")], region, few)
+    order = np.argsort(other.first, kind="stable")
+    np.testing.assert_array_equal(other.first[order], usual.first)
+    np.testing.assert_array_equal(other.state[order], usual.state)
+    for wrong, words in (([[0, 999]], "pairs: 999 must be"), ([[3, 3]], "earlier tracklet of")):
+        with pytest.raises(ConfigurationError, match=words):
+            pair_starts(tracklets, wrong, region)
 
 
 def test_fewer_starts_than_the_limit_are_all_there():

@@ -6,10 +6,12 @@ from nights import HOUR, OBJECTS, OBSERVERS, SIGMA, night
 from scipy.stats import chi2
 
 from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import (
     TrackletSettings,
     attributables,
+    fit_orbits,
     form_tracklets,
     make_angles,
     tangent_basis,
@@ -37,6 +39,34 @@ def test_long_tracklets_are_divided():
     assert np.concatenate(parts).tolist() == np.concatenate(long).tolist()
     spans = [np.ptp(angles.time[rows]) / HOUR for rows in parts]
     assert len(parts) == 3 * len(OBSERVERS) and min(spans) > 1.4 and max(spans) <= 2.0
+
+
+@pytest.mark.parametrize(
+    ("visits", "longest", "sizes"),
+    [
+        (np.arange(4) * 14.0, 20, [2, 2]),
+        (np.append(np.arange(90) / 3.0, 44.0 + 14.0 * np.arange(30)), 120, [97, 9, 9, 5]),
+    ],
+)
+def test_parts_of_uneven_tracklets_keep_the_limit_and_lose_no_detection(visits, longest, sizes):
+    angles, _ = night(OBJECTS[:1], [0.0], 0.0, 7, visits=visits)
+    parts = form_tracklets(angles, TrackletSettings(largest_span_min=longest))
+    spans = [np.ptp(angles.time[rows]) / HOUR * 60.0 for rows in parts]
+    assert max(spans) <= longest * (1.0 + 1e-9)
+    for o in range(len(OBSERVERS)):
+        assert [rows.size for rows in parts if angles.observer[rows[0]] == o] == sizes
+
+
+def test_detections_that_are_not_in_order_of_time_are_refused():
+    angles, _ = night(OBJECTS[:1], [0.0], 0.0, 7)
+    turned = angles.rows(np.arange(angles.time.size)[::-1])
+    state = np.zeros((1, 6))
+    for call in (
+        lambda: form_tracklets(turned), lambda: attributables(turned, [[0, 1]]),
+        lambda: fit_orbits(turned, [[0, 1, 2]], state, 0.0, forces=EARTH_MOON),
+    ):  # fmt: skip
+        with pytest.raises(ConfigurationError, match=r"time of row 1 is before.*; sort the rows"):
+            call()
 
 
 def test_attributables_are_continued():
@@ -176,6 +206,8 @@ def test_tracklets_of_several_observers_or_of_one_time_are_refused():
     for given, words in (
         ({"tracklets": [[0, angles.time.size]]}, "tracklets: .* must be a whole number"),
         ({"tracklets": [[0, 1.5]]}, r"tracklets: 1\.5 must be a whole number"),
+        ({"tracklets": [angles.observer == 0]}, "give the number of each row once, not a mask"),
+        ({"tracklets": [[0, 3, 0]]}, "give the number of each row once, not a mask"),
         ({"tracklets": mixed[:1], "degree": -1}, "degree = -1 must be a whole number"),
         ({"tracklets": [mixed[0][:2]], "degree": 2}, "degree = 2 needs 3 different times"),
     ):

@@ -6,6 +6,7 @@ import pytest
 from maneuvered_arcs import STEP, arcs, linked
 
 from cislunar.detection import FALSE_ALARM
+from cislunar.errors import ConfigurationError
 from cislunar.survey import ORBIT_COLUMNS, catalog_state, orbit_table
 from cislunar.survey.settings import QualitySettings
 
@@ -71,6 +72,12 @@ def test_an_orbit_of_several_objects_with_equally_many_detections_is_wrong():
         return orbit_table(
             linked(fits, [True, True]), angles, origin, lambda of, index: states[of], last, STEP,
             0.1, averaged=averaged,
+        )  # fmt: skip
+
+    with pytest.raises(ConfigurationError, match="epoch of orbit 0 is no time of the truth"):
+        orbit_table(
+            linked(fits._replace(epoch=fits.epoch + 0.25 * STEP), [True, True]), angles, origin,
+            lambda of, index: states[of], last, STEP, 0.1,
         )  # fmt: skip
 
     def quality():

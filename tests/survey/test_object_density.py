@@ -66,6 +66,24 @@ def test_uniform_samples_are_those_of_rejection_from_a_box():
         assert ks_2samp(*norms).pvalue > 1e-3
 
 
+@pytest.mark.parametrize(("least_jacobi", "share"), [(2.0, 0.0230), (3.0, 0.0697), (3.5, 0.139)])
+def test_uniform_samples_near_the_earth(least_jacobi, share):
+    """Share within 0.2 of the Earth, from three million points weighted by the volume of their
+    velocities."""
+    region = AdmissibleRegion(least_jacobi=least_jacobi)
+    state, _ = sample_prior(only("uniform", 8000), SOURCE, np.random.default_rng(3), region=region)
+    near = np.mean(np.linalg.norm(state[:, :3] - [-0.01215, 0.0, 0.0], axis=1) < 0.2)
+    assert near == pytest.approx(share, abs=5.0 * np.sqrt(share / 8000) + 0.03 * share)
+
+
+def test_few_states_of_a_small_region_are_found():
+    region = AdmissibleRegion(least_jacobi=4.5)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        state, _ = sample_prior(only("uniform", 50), SOURCE, rng, region=region)
+        assert np.all(jacobi_constant(state) >= 4.5)
+
+
 def test_shares_and_missing_sources():
     prior = DensityPrior(families=1, zero_velocity=2, table=1, uniform=0, particles=40)
     state, size = sample_prior(prior, SOURCE, np.random.default_rng(5))
@@ -93,10 +111,26 @@ def test_particles_move_as_single_states_and_lose_their_weight_outside():
     np.testing.assert_array_equal(density.weight, [2.0, 2.0, 0.0])
     density.missed([0.5, 0.0, 1.0])
     assert density.expected == pytest.approx(3.0)
+    density.advance(3.0 * time * (1.0 - 1e-16))  # the same time but for rounding
+    density.advance(3.0 * time * (1.0 + 1e-15))
     with pytest.raises(ConfigurationError, match="before"):
         density.advance(time)
     with pytest.raises(ConfigurationError, match="between 0 and 1"):
         density.missed([1.5, 0.0, 0.0])
+
+
+def test_objects_are_born_where_none_is_left():
+    density = ObjectDensity([HALO, RETROGRADE], [1.0, 1.0], 2.0, births_per_day=24.0)
+    density.missed([1.0, 1.0])
+    assert density.expected == 0.0
+    density.advance(3600.0 / TIME_UNIT_S)
+    assert density.expected == pytest.approx(1.0, rel=1e-12)
+    density.observed([0.5, 0.5], [], [], 0.1)
+    assert density.expected == pytest.approx(0.5, rel=1e-12)
+    with pytest.raises(ConfigurationError, match="likelihood must not be negative"):
+        density.observed([0.5, 0.5], [0], [[-1.0]], 0.1)
+    with pytest.raises(ConfigurationError, match="an expected number of inf"):
+        ObjectDensity([HALO], [1.0], np.inf)
 
 
 def test_what_is_left_is_the_mean_number_of_undetected_objects():

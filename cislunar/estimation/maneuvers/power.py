@@ -139,7 +139,10 @@ def _bounds(bound: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
         raise ConfigurationError(f"bound has shape {given.shape}; its last axes must be (3, 3)")
     if np.any(np.isnan(given)):
         raise ConfigurationError("bound must not be NaN; it is infinite where it is not known")
-    return given, np.all(np.isfinite(given), axis=(-2, -1))
+    known = np.all(np.isfinite(given), axis=(-2, -1))
+    if np.any(np.linalg.eigvalsh(given[known]) < 0.0):
+        raise ConfigurationError("bound is not positive definite; give covariances")
+    return given, known
 
 
 def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 0.9) -> Array:

@@ -20,7 +20,12 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
-from cislunar.orbit_determination.angles import Angles, rotate_about_z, tangent_basis
+from cislunar.orbit_determination.angles import (
+    Angles,
+    require_order,
+    rotate_about_z,
+    tangent_basis,
+)
 from cislunar.runtime import Array, Indices, count_of, indices_of
 
 _CURVATURE_CHI_SQUARED = float(chi2.ppf(0.999, 2))
@@ -100,12 +105,15 @@ def attributables(
     ------
     ConfigurationError
         If a tracklet has detections of several observers or at fewer than two different times, a
-        row does not exist, or the degree is not a whole number from 1 to one less than the number
-        of different times.
+        row does not exist or repeats, the angles are not in order of time, or the degree is not a
+        whole number from 1 to one less than the number of different times.
     """
     if degree is not None:
         count_of("degree", degree)
+    require_order(angles.time)
     parts = [np.ravel(rows) for rows in tracklets]
+    if any(rows.dtype == bool or np.unique(rows).size < rows.size for rows in parts):
+        raise ConfigurationError("tracklets: give the number of each row once, not a mask")
     indices_of("tracklets", np.concatenate([np.empty(0), *parts]), angles.time.size)
     sets = [np.sort(rows.astype(np.int64)) for rows in parts]
     before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}

@@ -15,9 +15,9 @@ from scipy.stats import chi2
 from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation import ARCSECOND
-from cislunar.orbit_determination.angles import Angles, rotate_about_z
+from cislunar.orbit_determination.angles import Angles, require_order, rotate_about_z
 from cislunar.orbit_determination.tracklets.settings import TrackletSettings
-from cislunar.runtime import Indices
+from cislunar.runtime import Array, Indices
 
 _PATH_LENGTH = 7
 """Number of detections in the path to which a further one is fitted, itself included."""
@@ -57,6 +57,7 @@ def form_tracklets(
     at the time of the third one, the one that leads to the longest tracklet is taken; of several
     further ones at one time, the one that fits best.
     """
+    require_order(angles.time)
     settings = TrackletSettings() if settings is None else settings
     gap = settings.largest_gap_min * 60.0 / TIME_UNIT_S
     # the share above 1 keeps a span that equals the limit but for rounding in one part
@@ -78,10 +79,23 @@ def form_tracklets(
         chains = np.split(rows[members], np.cumsum(size)[:-1])
         for k in np.flatnonzero(_without_longer(members, size)).tolist():
             chain = chains[k]
-            span = angles.time[chain[-1]] - angles.time[chain[0]]
-            parts = np.array_split(chain, max(1, int(np.ceil(span / longest))))
+            parts = _divided(chain, angles.time[chain], longest, least)
             found += [part for part in parts if part.size >= least]
     return found
+
+
+def _divided(chain: Indices, time: Array, longest: float, least: int) -> list[Indices]:
+    """Parts of a tracklet that are at most as long as a limit: of equal size if that is possible
+    with `least` detections in each part, and otherwise as large as possible from the begin on."""
+    count = max(1, int(np.ceil((time[-1] - time[0]) / longest)))
+    parts = np.array_split(np.arange(time.size), count)
+    if any(part.size < least or time[part[-1]] - time[part[0]] > longest for part in parts):
+        begin = [0]
+        for k in range(time.size):
+            if time[k] - time[begin[-1]] > longest:
+                begin.append(k)
+        parts = np.split(np.arange(time.size), begin[1:])
+    return [chain[part] for part in parts]
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
 from cislunar.dynamics import EARTH_MOON
+from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import (
     Angles,
     Attributables,
@@ -25,6 +26,9 @@ from cislunar.orbit_determination import (
 )
 from cislunar.runtime import Array, Flags, Indices
 from cislunar.survey.settings import QualitySettings
+
+_NEAR = 1e-6
+"""Largest difference of an epoch from a time of the truth, in steps."""
 
 _LARGEST_NEES = float(chdtri(6, 0.05))
 """95th percentile of chi squared with six degrees of freedom."""
@@ -164,8 +168,18 @@ def orbit_table(
         Columns `ORBIT_COLUMNS`; `object` is that of most detections, or `FALSE_ALARM`. `now_km` and
         `now_nees` are NaN for orbits that are not confirmed. If several objects have equally many
         detections, `object` is the first of them, and all errors are NaN.
+
+    Raises
+    ------
+    ConfigurationError
+        If the epoch of an orbit is not a multiple of the step.
     """
     given, rows, fits = np.asarray(origin), [], orbits.fits
+    index = np.rint(fits.epoch / step)
+    for k in np.flatnonzero(np.abs(fits.epoch / step - index) > _NEAR)[:1].tolist():
+        raise ConfigurationError(
+            f"orbits: the epoch of orbit {k} is no time of the truth; give multiples of the step"
+        )
     averaged = fits if averaged is None else averaged
     confirmed = np.flatnonzero(orbits.confirmed)
     starts = OrbitStates.of(fits.take(confirmed))
@@ -176,7 +190,7 @@ def orbit_table(
     owners = [owner_of(given[orbits.detections(k)]) for k in range(orbits.log_ratio.size)]
     real = [k for k, (main, _, alone) in enumerate(owners) if alone and main != FALSE_ALARM]
     of = np.array([owners[k][0] for k in real], dtype=np.int64)
-    then = truth(of, np.rint(fits.epoch[real] / step).astype(np.int64))
+    then = truth(of, index[real].astype(np.int64))
     true = dict(zip(real, zip(then, truth(of, np.full(of.size, last)), strict=True), strict=True))
     for k, (main, right, _) in enumerate(owners):
         own = orbits.detections(k)

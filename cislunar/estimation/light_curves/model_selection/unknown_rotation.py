@@ -55,7 +55,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     WEIGHT,
 )
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of
 from cislunar.runtime.threads import single_threaded_algebra
 
 _BODY = "small deviations"
@@ -103,9 +103,15 @@ def light_curve_rows(
     ndarray, shape (n, ROW_COLUMNS)
         See `cislunar.estimation.light_curves.light_curve.cost`. The weight of a row is the inverse
         of its variance.
+
+    Raises
+    ------
+    ConfigurationError
+        If a magnitude is not finite; leave such detections out.
     """
     data = np.empty((np.size(time_s), ROW_COLUMNS))
-    data[:, TIME], data[:, MAGNITUDE], data[:, RANGE] = time_s, magnitude, range_m
+    data[:, TIME], data[:, RANGE] = time_s, range_m
+    data[:, MAGNITUDE] = array_of("magnitude", magnitude, (len(data),))
     data[:, SUN], data[:, VIEW], data[:, SEEN] = sun, view, 1.0
     data[:, WEIGHT] = 1.0 / np.asarray(variance, dtype=float)
     return data
