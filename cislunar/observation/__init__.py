@@ -21,7 +21,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "sightline": ["CLEAR", "EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "angles_of_vectors",
         "dimming", "direction_angles", "in_clear_view", "inside_primary", "lit_directions",
         "obstacle", "outside_exclusion", "sphere_brighter", "sphere_margin",
-        "sunlit_share", "toward_primary", "unit_vectors", "wrap_angle", "wrapped"],
+        "sunlit_share", "sunlit_share_at", "toward_primary", "unit_vectors", "wrap_angle",
+        "wrapped"],
     "target_surfaces": ["TargetSurfaces", "body_of", "joined_surfaces", "surfaces_of"],
 })
 # fmt: on

@@ -169,17 +169,23 @@ def inside_primary(x, y, z, primaries):
 
 
 @njit_noalloc
+def sunlit_share_at(x, y, z, sun, primaries):
+    """Visible share of the Sun's disc at a position."""
+    from_sun, share = (x - sun[0], y - sun[1], z - sun[2]), 1.0
+    for body, radius in ((0, EARTH_RADIUS), (1, MOON_RADIUS)):
+        center = primaries[body]
+        from_body = (x - center[0], y - center[1], z - center[2])
+        share *= visible_sun(from_body, from_sun, radius, _SUN_RADIUS)[0]
+    return share
+
+
+@njit_noalloc
 def _shares(place, sun, primaries, out):
     """Visible shares of the Sun's disc (target, time), into `out`."""
     for k in range(place.shape[1]):
         for j in range(place.shape[0]):
             x, y, z = place[j, k, 0], place[j, k, 1], place[j, k, 2]
-            from_sun = (x - sun[k, 0], y - sun[k, 1], z - sun[k, 2])
-            out[j, k] = 1.0
-            for body, radius in ((0, EARTH_RADIUS), (1, MOON_RADIUS)):
-                center = primaries[k, body]
-                from_body = (x - center[0], y - center[1], z - center[2])
-                out[j, k] *= visible_sun(from_body, from_sun, radius, _SUN_RADIUS)[0]
+            out[j, k] = sunlit_share_at(x, y, z, sun[k], primaries[k])
 
 
 def sunlit_share(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.observation import (
     METERS,
@@ -100,24 +100,37 @@ class Views(NamedTuple):
     margin: Array
 
 
+@njit_noalloc
+def sphere_margin_at(scene, own, faintness, o, k, x, y, z):
+    """Limiting magnitude of observer o minus the magnitude of a diffuse sphere of 1 m^2 at a
+    position; minus infinity if the line of sight is not clear or the sphere is not lit."""
+    sun, primaries = scene.sun_position[k], scene.primaries[k]
+    ox = scene.observer_position[o, k, 0]
+    oy = scene.observer_position[o, k, 1]
+    oz = scene.observer_position[o, k, 2]
+    dx, dy, dz = x - ox, y - oy, z - oz
+    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, own, primaries):
+        return -np.inf
+    return sphere_margin(dx, dy, dz, x - sun[0], y - sun[1], z - sun[2], faintness[o]) - extinction(
+        ox, oy, oz, dx, dy, dz, primaries[0], own
+    )
+
+
+def faintness_of(limits: SensorLimits) -> Array:
+    """`sphere_margin` needs this (observer,) of each telescope."""
+    limit, own = np.unique(limits.limiting_magnitude, return_inverse=True)
+    return METERS**2 * np.array([faintness_per_squared_range(each) for each in limit])[own]
+
+
 @njit(cache=True, error_model="numpy")
 def _see(scene, limits, faintness, k, position, ra, dec, margin):
-    sun, primaries, axes = scene.sun_position[k], scene.primaries[k], scene.frame_axes[k]
     for o in range(ra.shape[0]):
-        own = limits_of(limits, o)
-        ox = scene.observer_position[o, k, 0]
-        oy = scene.observer_position[o, k, 1]
-        oz = scene.observer_position[o, k, 2]
+        own, place = limits_of(limits, o), scene.observer_position[o, k]
         for j in range(position.shape[0]):
             x, y, z = position[j, 0], position[j, 1], position[j, 2]
-            dx, dy, dz = x - ox, y - oy, z - oz
-            ra[o, j], dec[o, j] = direction_angles(dx, dy, dz, axes)
-            margin[o, j] = -np.inf
-            if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, own, primaries):
-                continue
-            margin[o, j] = sphere_margin(
-                dx, dy, dz, x - sun[0], y - sun[1], z - sun[2], faintness[o]
-            ) - extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
+            dx, dy, dz = x - place[0], y - place[1], z - place[2]
+            ra[o, j], dec[o, j] = direction_angles(dx, dy, dz, scene.frame_axes[k])
+            margin[o, j] = sphere_margin_at(scene, own, faintness, o, k, x, y, z)
 
 
 def views(
@@ -155,9 +168,7 @@ def views(
             f"limits of {len(limits.limiting_magnitude)} observers: give those of all {shape[0]}"
         )
     out = np.empty(shape), np.empty(shape), np.empty(shape)
-    limit, own = np.unique(limits.limiting_magnitude, return_inverse=True)
-    faintness = METERS**2 * np.array([faintness_per_squared_range(each) for each in limit])[own]
-    _see(scene, limits, faintness, index, place, *out)
+    _see(scene, limits, faintness_of(limits), index, place, *out)
     if eclipse:
         sky = scene.sun_position[[index]], scene.primaries[[index]]
         out[2][:] -= dimming(place[:, None], *sky)[:, 0]

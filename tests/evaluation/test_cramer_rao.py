@@ -179,7 +179,7 @@ def test_only_the_final_hours_count():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"observer": np.zeros((3, 4), dtype=int), "ends": (180,)}, "measurements"),
+        ({"observer": np.zeros((3, 4), dtype=int), "ends": (180,)}, "translation has shape"),
         ({"sigma": np.zeros(12)}, "sigma"),
         ({"observer": np.full((3, 180), 7)}, "measurements.observer: 7 must be"),
         ({"noise": (0.1, -1.0, 1e-5)}, "variance"),

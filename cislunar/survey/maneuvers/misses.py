@@ -15,15 +15,17 @@ detection is
 with c < 1 because the assumed brightness of a sphere is not that of the body.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
-from cislunar.observation import Scene, SensorLimits
+from cislunar.compiled import njit, njit_noalloc
+from cislunar.observation import Scene, SensorLimits, limits_of, sunlit_share_at
 from cislunar.orbit_determination import Angles, OrbitFits, implied_size
-from cislunar.runtime import Array, Flags, Indices
-from cislunar.survey.fields import detection_probability, views
+from cislunar.runtime import Array, Indices
+from cislunar.survey.fields import faintness_of, sphere_margin_at
 from cislunar.survey.maneuvers.lineage import OrbitPaths
 
 _TRUST = 0.9
@@ -38,8 +40,10 @@ _OFFSET, _SHARE = np.polynomial.hermite_e.hermegauss(9)
 _MARGIN = 3.0
 """Standard deviations of the direction between it and the edge of a field."""
 
-_NEXT = np.deg2rad(0.02)
+_NEXT = float(np.deg2rad(0.02))
 """Distance within which a detection, besides these standard deviations, may be of the orbit."""
+
+_ROOT2 = math.sqrt(2.0)
 
 
 class FieldHistory(NamedTuple):
@@ -128,89 +132,110 @@ def log_missed(
     if of_others is not None:
         possible[of_others] = False
     size, scatter = np.array([_size(fits, angles, k) for k in which.tolist()]).reshape(-1, 2).T
-    known = np.isfinite(size)
     offset = np.maximum(magnitude_sigma, scatter)[:, None] * _OFFSET
-    sigma = np.sqrt(limits.noise_variance[:, :1])
     block = np.floor(fields.index * scene.step_s / _BLOCK_S + 1e-9).astype(np.int64)
-    after = np.unique(fields.index[fields.index * scene.step > last.min(initial=np.inf)])
-    best = np.zeros((*offset.shape, limits.half_field.size))
-    out = np.zeros_like(best)
-    current = -1
-    for k in after.tolist():
-        now = slice(*np.searchsorted(fields.index, [k, k + 1]).tolist())
-        time = k * scene.step
-        unseen = np.flatnonzero(known & (last < time - 0.5 * scene.step))
-        if unseen.size == 0:
-            continue
-        if block[now.start] != current:
-            out += np.log1p(-_TRUST * best)
-            best[:], current = 0.0, block[now.start]
-        position, spread = _predicted(paths, which[unseen], time)
-        good = np.isfinite(position).all(axis=1)
-        unseen, position, spread = unseen[good], position[good], spread[good]
-        view = _view(fields, now, scene.observer_position[:, k], position, spread)
-        if not view.inside.any():
-            continue
-        exposed = view.inside.any(axis=0)
-        margin = np.full((limits.half_field.size, unseen.size), np.nan)
-        margin[:, exposed] = views(scene, limits, k, position[exposed], eclipse=True).margin
-        seen = slice(*np.searchsorted(angles.time, time + scene.step * np.array([-0.5, 0.5])))
-        for e in np.flatnonzero(view.inside.any(axis=1)).tolist():
-            way, distance, gate, inside = (each[e] for each in view)
-            o = int(fields.observer[now.start + e])
-            found = angles.direction[seen][(angles.observer[seen] == o) & possible[seen]]
-            if found.size:
-                unit = way / distance[:, None]
-                apart = np.linalg.norm(unit[:, None] - found, axis=2).min(axis=1)
-                inside = inside & (apart > gate + _NEXT)
-            rows = unseen[inside]
-            if rows.size == 0:
-                continue
-            bright = margin[o, inside, None] - offset[rows]
-            chance = detection_probability(bright, size[rows, None], sigma[o], loss)
-            best[rows, :, o] = np.maximum(best[rows, :, o], chance)
-    out += np.log1p(-_TRUST * best)
+    out = np.zeros((*offset.shape, limits.half_field.size))
+    spread = np.sqrt(np.trace(paths.covariance[which], axis1=2, axis2=3))
+    orbits = which, np.where(np.isfinite(size), last, np.inf), 2.5 * np.log10(size), offset, spread
+    seen = angles.time, angles.observer, angles.direction, possible
+    own = limits, faintness_of(limits), np.sqrt(limits.noise_variance[:, 0]), 1.0 - loss
+    _log_no_detection(fields, block, seen, paths[:2], orbits, scene, own, out)
     each = np.logaddexp(np.log(_DARK), np.log1p(-_DARK) + out).sum(axis=2)
     return logsumexp(each, axis=1, b=_SHARE / _SHARE.sum())
 
 
-class _View(NamedTuple):
-    """Positions as the observers of simultaneous exposures see them: ways (exposure, position, 3),
-    and distances, margins of the directions (rad) and whether the field contains the position with
-    this margin (exposure, position)."""
+@njit(cache=True, error_model="numpy")
+def _log_no_detection(fields, block, seen, paths, orbits, scene, own, out):
+    """Add the logarithms of the products over blocks in equation (1) to `out` (orbit, offset,
+    observer)."""
+    which, last, brighter, offset, spread = orbits
+    limits, faintness, sigma, share = own
+    n, step = which.size, paths[0][1] - paths[0][0]
+    best, place, sigmas = np.zeros(out.shape), np.empty((n, 3)), np.empty(n)
+    k = current = -1
+    for e in range(fields.index.size):
+        if block[e] != current:
+            _take_block(best, out)
+            current = block[e]
+        if fields.index[e] != k:
+            k = fields.index[e]
+            time = k * scene.step
+            m = int(min(max((time - paths[0][0]) // step, 0), paths[0].size - 2))
+            u = (time - paths[0][m]) / step
+            begin = np.searchsorted(seen[0], time - 0.5 * scene.step)
+            end = np.searchsorted(seen[0], time + 0.5 * scene.step)
+            for j in range(n):
+                if last[j] < time - 0.5 * scene.step:
+                    _between(paths[1][which[j], m], paths[1][which[j], m + 1], u, step, place[j])
+                    sigmas[j] = spread[j, m + (u > 0.5)]
+        o = fields.observer[e]
+        limit = limits_of(limits, o)
+        for j in range(n):
+            if not last[j] < time - 0.5 * scene.step:
+                continue
+            x, y, z = place[j, 0], place[j, 1], place[j, 2]
+            at = scene.observer_position[o, k]
+            way = x - at[0], y - at[1], z - at[2]
+            inside, distance, gate = _within(
+                way, fields.boresight[e], fields.half_field[e], sigmas[j]
+            )
+            if not inside or _is_near(seen, begin, end, o, way, distance, gate + _NEXT):
+                continue
+            margin = sphere_margin_at(scene, limit, faintness, o, k, x, y, z)
+            lit = sunlit_share_at(x, y, z, scene.sun_position[k], scene.primaries[k])
+            margin += 2.5 * np.log10(lit) + brighter[j]
+            for q in range(offset.shape[1]):
+                chance = share * 0.5 * math.erfc(-(margin - offset[j, q]) / (sigma[o] * _ROOT2))
+                best[j, q, o] = max(best[j, q, o], chance)
+    _take_block(best, out)
 
-    way: Array
-    distance: Array
-    gate: Array
-    inside: Flags
+
+@njit_noalloc
+def _take_block(best, out):
+    """Add the logarithms of no detection in a block to `out`, and begin the next one."""
+    for j in range(best.shape[0]):
+        for q in range(best.shape[1]):
+            for o in range(best.shape[2]):
+                if best[j, q, o] > 0.0:
+                    out[j, q, o] += np.log1p(-_TRUST * best[j, q, o])
+                    best[j, q, o] = 0.0
 
 
-def _view(
-    fields: FieldHistory, now: slice, observer_position: Array, position: Array, spread: Array
-) -> _View:
-    """The view of positions with standard deviations in a slice of exposures."""
-    way = position - observer_position[fields.observer[now], None]
-    distance = np.linalg.norm(way, axis=2)
-    cosine = np.einsum("eni,ei->en", way, fields.boresight[now]) / distance
-    gate = _MARGIN * spread / distance
-    off = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return _View(way, distance, gate, off + gate <= fields.half_field[now, None])
+@njit_noalloc
+def _between(one, two, u, step, out):
+    """Position by cubic interpolation between two states, into `out`; u is from 0 to 1."""
+    for c in range(3):
+        out[c] = (
+            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * one[c]
+            + u**2 * (3.0 - 2.0 * u) * two[c]
+            + step * u * (1.0 - u) * ((1.0 - u) * one[3 + c] - u * two[3 + c])
+        )
+
+
+@njit_noalloc
+def _within(way, boresight, half_field, sigma):
+    """Whether a field contains the end of a way (3,) with the margin of its direction; the
+    distance, and this margin, rad. False for NaN."""
+    x, y, z = way
+    distance = np.sqrt(x * x + y * y + z * z)
+    cosine = (x * boresight[0] + y * boresight[1] + z * boresight[2]) / distance
+    gate = _MARGIN * sigma / distance
+    return np.arccos(min(1.0, max(-1.0, cosine))) + gate <= half_field, distance, gate
+
+
+@njit_noalloc
+def _is_near(seen, begin, end, o, way, distance, limit):
+    """Whether a possible detection by observer o at this time is near a direction."""
+    for row in range(begin, end):
+        if seen[1][row] == o and seen[3][row]:
+            x = way[0] / distance - seen[2][row, 0]
+            y = way[1] / distance - seen[2][row, 1]
+            z = way[2] / distance - seen[2][row, 2]
+            if not np.sqrt(x * x + y * y + z * z) > limit:
+                return True
+    return False
 
 
 def _size(fits: OrbitFits, angles: Angles, k: int) -> tuple[float, float]:
     own = slice(fits.begin[k], fits.begin[k + 1])
     return implied_size(fits.position[own], angles.rows(fits.row[own]))
-
-
-def _predicted(paths: OrbitPaths, which: Indices, time: float) -> tuple[Array, Array]:
-    """Positions (n, 3) by cubic interpolation between times, and standard deviations (n,)."""
-    step = paths.time[1] - paths.time[0]
-    k = int(np.clip((time - paths.time[0]) // step, 0, paths.time.size - 2))
-    u = (time - paths.time[k]) / step
-    one, two = paths.state[which, k], paths.state[which, k + 1]
-    position = (
-        (1.0 + 2.0 * u) * (1.0 - u) ** 2 * one[:, :3] + u**2 * (3.0 - 2.0 * u) * two[:, :3]
-        + step * u * (1.0 - u) * ((1.0 - u) * one[:, 3:] - u * two[:, 3:])
-    )  # fmt: skip
-    variance = np.trace(paths.covariance[which, k + (u > 0.5)], axis1=1, axis2=2)
-    return position, np.sqrt(variance)
