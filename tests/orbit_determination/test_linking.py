@@ -184,7 +184,7 @@ def test_bad_input_and_nothing_to_link():
     angles, _ = night(OBJECTS[:1], [0.0], 0.0, 8)
     empty = linked(angles.rows([]))
     assert empty.log_ratio.size == 0 and empty.verdict == ()
-    with pytest.raises(ConfigurationError, match="log_clutter must be finite"):
+    with pytest.raises(ConfigurationError, match="log_clutter: give one finite number"):
         link(angles, attributables(angles, []), log_clutter=-np.inf)
     with pytest.raises(ConfigurationError, match="gate_probability"):
         LinkingSettings(gate_probability=1.5)

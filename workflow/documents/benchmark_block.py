@@ -62,7 +62,7 @@ def study_table(results: str | Path) -> pd.DataFrame:
 def _scores(tables: Tables) -> dict[str, str]:
     """Scores at the last epoch, a column for each reference."""
     table = tables[STUDY].set_index(["size", "reference"])
-    header = ["Last epoch", *(f"`{size}`, `{method}`" for size, method in _REFERENCES)]
+    header = ["Score at the last epoch", *(f"`{size}`, `{method}`" for size, method in _REFERENCES)]
     rows = [
         [title, *(_stated(table.loc[each].to_dict(), form) for each in _REFERENCES)]
         for title, form in _ROWS

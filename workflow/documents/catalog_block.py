@@ -37,12 +37,12 @@ _COLUMNS = {
                terms="An object is linked if most detections of some orbit, confirmed or not, are "
                "detections of the object."),
         Column("Correct (% of findable)", "completeness", ".1f", 100.0),
-        Column("Correct, inside of the families (% of findable)", "completeness_inside", ".1f",
-               100.0,
+        Column("Correct, inside of the families (% of findable objects inside)",
+               "completeness_inside", ".1f", 100.0,
                terms="Objects inside of the families are on orbits of the moving targets. Objects "
                "outside are on no orbit of the moving targets or of the observers."),
-        Column("Correct, outside of the families (% of findable)", "completeness_outside", ".1f",
-               100.0),
+        Column("Correct, outside of the families (% of findable objects outside)",
+               "completeness_outside", ".1f", 100.0),
         Column("Correct orbits", "right", ".0f",
                terms="A confirmed orbit belongs to the object that caused more of the orbit's "
                "detections than any other object, if these outnumber the orbit's false alarms. The "
@@ -50,8 +50,8 @@ _COLUMNS = {
                "One correct orbit of each object counts."),
         Column("Correct orbits, difference from the survey of the first row", "right_difference",
                "+z.1f",
-               terms="The difference is that of the same realizations, if both surveys have the "
-               "same objects."),
+               terms="The difference is the mean of the paired differences over the same "
+               "realizations. It is stated only if both surveys have the same objects."),
         Column("Duplicates", "duplicate", ".1f",
                terms="A duplicate is any further correct orbit of the same object."),
         Column("Wrong (% of confirmed)", "wrong_share", ".2f", 100.0,
@@ -59,7 +59,8 @@ _COLUMNS = {
         Column("Purity (%)", "purity", ".2f", 100.0,
                terms="Purity is the share of the detections in confirmed orbits that are of the "
                "object of the orbit."),
-        Column("Correct, maneuvered (% of findable)", "completeness_maneuvering", ".1f", 100.0,
+        Column("Correct, maneuvered (% of findable maneuvered objects)",
+               "completeness_maneuvering", ".1f", 100.0,
                terms="Maneuvered objects have maneuvered before the end of the stated days."),
         Column("In custody (% of findable)", "custody", ".1f", 100.0,
                terms="An object is in custody if a confirmed orbit predicts its position at the "
@@ -71,8 +72,8 @@ _COLUMNS = {
                "an object without a confirmed orbit, or with a larger error, counts with 500 km."),
         Column("Increase of the error of known objects due to the search (%)", "search_cost",
                "+z.1f", 100.0,
-               terms="The increase due to the search is that of this mean over that of the survey "
-               "that stops searching."),
+               terms="The increase due to the search is the relative difference of this mean from "
+               "that of the same realizations of the survey whose search ends after one day."),
         Column("Hours to catalog", "hours_to_catalog", ".1f",
                terms="Hours to catalog are the median time from the first detection of an object "
                "to the linking run since which it has had a correct orbit; objects without a "
