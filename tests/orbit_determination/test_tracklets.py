@@ -45,7 +45,7 @@ def test_long_tracklets_are_divided():
     ("visits", "longest", "sizes"),
     [
         (np.arange(4) * 14.0, 20, [2, 2]),
-        (np.append(np.arange(90) / 3.0, 44.0 + 14.0 * np.arange(30)), 120, [97, 9, 9, 5]),
+        (np.append(np.arange(90) / 3.0, 44.0 + 14.0 * np.arange(30)), 120, [96, 9, 9, 6]),
     ],
 )
 def test_parts_of_uneven_tracklets_keep_the_limit_and_lose_no_detection(visits, longest, sizes):
