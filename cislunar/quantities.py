@@ -91,9 +91,17 @@ def in_kilometers(name: str, given: Any) -> Any:
 def _in_units(name: str, given: Any, units: dict[str, float]) -> Any:
     """Quantities in the first of some units that fits, divided by its size."""
     if isinstance(given, tuple | list) and given and all(map(is_quantity, given)):
-        return np.concatenate([np.ravel(_in_units(name, each, units)) for each in given])
+        # of a state, the first half is the position
+        each_in = [units] * len(given)
+        if len(units) == 2:
+            pair = [{unit: size} for unit, size in units.items()]
+            each_in = [pair[2 * k >= len(given)] for k in range(len(given))]
+        parts = (_in_units(name, each, own) for each, own in zip(given, each_in, strict=True))
+        return np.concatenate([np.ravel(part) for part in parts])
     if not is_quantity(given):
         return given
+    if len(units) == 2:
+        raise ConfigurationError(f"{name}: give (position, velocity), each with its own unit")
     for unit, size in units.items():
         try:
             return in_unit(name, given, unit) / size
@@ -107,7 +115,11 @@ def date_of(given: Any) -> Any:
     """ISO 8601 date, UTC, of an `astropy.time.Time` or a date of `datetime`, NumPy or pandas, which
     are in UTC unless they state a time zone; anything else as it is."""
     if hasattr(given, "utc") and hasattr(given, "isot"):
-        return str(given.utc.isot)
+        if not given.isscalar:
+            raise ConfigurationError(f"give one date instead of {given.size}")
+        moment = given.utc.copy()
+        moment.precision = 6
+        return str(moment.isot)
     if isinstance(given, np.datetime64):
         return str(given.astype("datetime64[us]"))
     if isinstance(given, datetime.datetime) and given.tzinfo:

@@ -125,6 +125,13 @@ class InitialEstimate(NamedTuple):
         return out
 
 
+def require_estimates(initial: InitialEstimate, surfaces: TargetSurfaces) -> None:
+    """Raise a `ConfigurationError` if initial estimates are impossible or not one of each body."""
+    targets, bodies = len(initial.checked().translation), len(surfaces.inertia)
+    if targets != bodies:
+        raise ConfigurationError(f"initial: estimates of {targets} targets, surfaces of {bodies}")
+
+
 class Rotation(NamedTuple):
     """Estimated attitudes and angular velocities at a time.
 

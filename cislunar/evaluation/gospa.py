@@ -128,8 +128,18 @@ def catalog_quality(track: Sequence[int], origin: Sequence[int]) -> CatalogQuali
     Returns
     -------
     CatalogQuality
+
+    Raises
+    ------
+    ConfigurationError
+        If there is not one track and one origin for each detection.
     """
     tracks, origins = np.asarray(track), np.asarray(origin)
+    if tracks.shape != origins.shape or tracks.ndim != 1:
+        raise ConfigurationError(
+            f"track and origin have shapes {tracks.shape} and {origins.shape}; give one of each "
+            "for every detection"
+        )
     of_target: dict[int, int] = {}
     right = wrong = false_tracks = 0
     for own in np.unique(tracks):

@@ -333,6 +333,28 @@ def test_force_models_may_have_values_for_each_target(problem):
         )
 
 
+@both
+def test_measurements_that_do_not_fit_the_tracks_are_refused(problem, kind):
+    estimator = problem.start(kind, ALL)
+    records = problem.records_of(ALL, 0, 5)
+    for wrong, words in (
+        (records._replace(observer=records.observer + 5), r"measurements\.observer: . must be"),
+        (no_measurements(2, 5), "5 steps of 2 targets do not fit 4 tracks"),
+        (no_measurements(4, 99), "in a scene with 60 steps to come"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            estimator.advance(wrong)
+    for removed in ([1.5], [False, True, False, False]):
+        with pytest.raises(ConfigurationError, match="cannot be removed"):
+            estimator.remove(removed)
+    initial, _, streams = problem.of(np.arange(3))
+    with pytest.raises(ConfigurationError, match="estimates of 3 targets, surfaces of 4"):
+        if kind == "ukf":
+            MultiplicativeUKF(problem.scene, problem.surfaces, SENSOR, initial)
+        else:
+            BatchEstimator(problem.scene, problem.surfaces, SENSOR, initial, streams)
+
+
 def test_roots_of_covariances_and_what_is_none():
     given = np.array([np.diag([4.0, 0.0, 9.0]), np.eye(3) + 0.5])
     roots = covariance_roots(given)

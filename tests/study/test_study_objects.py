@@ -10,6 +10,7 @@ from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.exchange import Segment, epoch_at, oem_text
+from cislunar.quantities import date_of, in_kilometers
 from cislunar.study.objects import StudyObject, read_objects
 from cislunar.study.study_file import read_study
 
@@ -61,6 +62,20 @@ def test_quantities_are_converted():
     assert study.settings.sensor.field_of_view_deg == pytest.approx(1.0)
     plain = read_objects("observer", {"south": OBSERVERS["south"]}, None, 1.0)
     assert study.observers[0].state == pytest.approx(plain[0].state, abs=1e-12)
+
+
+def test_a_state_is_a_position_and_a_velocity_in_this_order():
+    u = pytest.importorskip("astropy.units")
+    place, speed = np.array([1e5, 0.0, 0.0]) * u.km, np.array([100.0, 200.0, 300.0]) * u.m / u.s
+    expected = [1e5, 0.0, 0.0, 0.1, 0.2, 0.3]
+    single = [*place, *speed]
+    for given in ((place, speed), single):
+        np.testing.assert_allclose(in_kilometers("state", given), expected, rtol=1e-15)
+    for wrong in ((speed, place), single[::-1], np.ones(6) * u.km):
+        with pytest.raises(ConfigurationError, match="state"):
+            in_kilometers("state", wrong)
+    time = pytest.importorskip("astropy.time").Time("2025-01-01T00:00:00.987654")
+    assert date_of(time) == "2025-01-01T00:00:00.987654"
 
 
 def test_collections_of_all_kinds():

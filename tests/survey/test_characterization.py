@@ -76,6 +76,24 @@ def test_a_period_is_recovered_although_law_and_material_differ(period_h):
     assert found.interval.high / found.interval.low < 1.15
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"time_s": [0.0, 2.0, 1.0]}, "time_s: give times of at least 0 s in increasing order"),
+        ({"time_s": [-1.0, 2.0, 3.0]}, "time_s: give times"),
+        ({"magnitude": [15.0, np.nan, 15.0]}, "magnitude"),
+        ({"variance": 0.0}, "variance and range_m must be positive"),
+        ({"sun": 2.0 * np.eye(3)}, "sun of row 0 has norm 2"),
+    ],
+)
+def test_impossible_light_curves_are_refused(given, words):
+    usual = {"time_s": [0.0, 1.0, 2.0], "magnitude": [15.0] * 3, "variance": 0.01, "sun": np.eye(3),
+             "view": np.eye(3), "range_m": 1e7}  # fmt: skip
+    assert len(light_curve_rows(**usual)) == 3
+    with pytest.raises(ConfigurationError, match=words):
+        light_curve_rows(**usual | given)
+
+
 def test_a_sphere_has_no_period_and_the_interval_is_that_of_the_prior():
     time, sun, view = geometry(2)
     alpha = np.arccos(np.sum(sun * view, axis=1))

@@ -35,6 +35,7 @@ from cislunar.estimation.estimator import (
     Prediction,
     Rotation,
     empty_estimates,
+    require_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.filtered_orbits import corrected_orbits, orbits_of, with_orbits
@@ -44,6 +45,7 @@ from cislunar.estimation.kalman.workspace import filter_constants, with_new_trac
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
+    require_steps,
     selected_tracks,
     starting_index,
 )
@@ -145,6 +147,7 @@ class MultiplicativeUKF:
     def _begin(self, initial: InitialEstimate, surfaces: TargetSurfaces, index: int) -> None:
         """Start the filter of these targets alone."""
         n_targets = initial.translation.shape[0]
+        require_estimates(initial, surfaces)
         require_targets(self._constants.forces, n_targets)
         for j in range(n_targets if self._prior else 0):
             self._prior.require_possible(body_of(surfaces, j).materials)
@@ -226,10 +229,12 @@ class MultiplicativeUKF:
         histories: bool = True,
     ) -> Estimates:
         """See `Estimator.advance`; the filter does the same at every step in all cases."""
+        n_targets = len(self._state.failed)
+        require_steps(measurements, n_targets, self._index, self._scene)
         out = empty_estimates(measurements, covariance)
         model = (self._scene, self._surfaces, self._bodies, self._constants)
         given = (self._index + 1, *model, measurements, self._state, self._mixture, out)
-        share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
+        share_out(lambda start, stop: advance((start, stop), *given), n_targets)
         self._index += measurements.offset.shape[1] - 1
         return out
 

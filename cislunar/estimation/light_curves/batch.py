@@ -31,6 +31,7 @@ from cislunar.estimation.estimator import (
     Prediction,
     Rotation,
     empty_estimates,
+    require_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.filtered_orbits import corrected_orbits, orbits_of, with_orbits
@@ -59,6 +60,7 @@ from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
+    require_steps,
     selected_tracks,
     starting_index,
 )
@@ -135,6 +137,7 @@ class BatchEstimator:
         index: int,
     ) -> None:
         """Start the estimation of these targets alone."""
+        require_estimates(initial, surfaces)
         require_targets(self._constants.translation.forces, initial.translation.shape[0])
         splitting = self._constants.translation.curvature < np.inf
         given = self._first_sensor, self._settings, splitting
@@ -252,7 +255,9 @@ class BatchEstimator:
     ) -> Estimates:
         """See `Estimator.advance`. Light curves are fitted at the end of an interval, and, with
         `histories`, within it when they have grown."""
-        tracks, out = self._tracks, empty_estimates(measurements, covariance, histories)
+        tracks = self._tracks
+        require_steps(measurements, len(tracks.models), self._index, self._scene)
+        out = empty_estimates(measurements, covariance, histories)
         observations = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, count in enumerate(observations):
             tracks.make_room(j, int(count))

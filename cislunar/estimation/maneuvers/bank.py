@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.linearization import SIZE
 from cislunar.estimation.maneuvers.bank_kernels import filter_orbit, normal_equations
 from cislunar.observation.scene import Scene
@@ -158,10 +159,17 @@ class ManeuverBank:
         Parameters
         ----------
         rows : AngleRows
-            All observations after the time of `base`.
+            All observations after the time of `base`, in order of time.
         now : int
             The present, an index of the scene.
+
+        Raises
+        ------
+        ConfigurationError
+            If the rows are not in order of time.
         """
+        if np.any(np.diff(rows.time) < 0):
+            raise ConfigurationError("rows: sort the observations by time")
         first, mean, covariance = self._base
         steps = now - first + 1
         means, spreads = np.empty((steps, SIZE)), np.empty((steps, SIZE, SIZE))

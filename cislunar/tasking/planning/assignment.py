@@ -97,14 +97,15 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         If the information is no matrix, or `target` does not have a target, or `IDLE`, for each
         observer.
     """
-    matrix, chosen = _matrix(information), np.asarray(target)
+    matrix, given = _matrix(information), array_of("target", target, finite=False)
     least, most = min(IDLE, 0), matrix.shape[1] - 1
-    if chosen.shape != matrix.shape[:1] or np.any((chosen < least) | (chosen > most)):
+    possible = (given >= least) & (given <= most) & (given == np.floor(given))
+    if given.shape != matrix.shape[:1] or not np.all(possible):
         raise ConfigurationError(
             f"target must be {len(matrix)} whole numbers up to {most}, or {IDLE}"
         )
-    observers = np.flatnonzero(chosen != IDLE)
-    return float(matrix[observers, chosen[observers]].sum())
+    observers = np.flatnonzero(given != IDLE)
+    return float(matrix[observers, given[observers].astype(np.int64)].sum())
 
 
 def _matrix(information: ArrayLike) -> Array:

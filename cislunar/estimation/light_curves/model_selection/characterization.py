@@ -19,7 +19,7 @@ from cislunar.estimation.light_curves.model_selection.body_models import (
     with_body_model,
 )
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
+from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW, WEIGHT
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 from cislunar.photometry.sphere import phase_function
 from cislunar.runtime import Array
@@ -200,7 +200,7 @@ def characterize(
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
-    mean_noise = np.sqrt(selected.noise_factor * model.noise_variance / len(data))
+    mean_noise = np.sqrt(selected.noise_factor * model.noise_variance / data[:, WEIGHT].sum())
     error = float(np.hypot(selected.model_error_mag, mean_noise))
     reading = model.irradiance_4pi
     with np.errstate(divide="ignore"):

@@ -26,6 +26,7 @@ from scipy.special import ndtr
 from scipy.stats import chi
 
 from cislunar.attitude.inertia import rigid_bodies
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import (
     LightCurveModel,
@@ -55,7 +56,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     WEIGHT,
 )
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
-from cislunar.runtime import Array, array_of
+from cislunar.runtime import Array, array_of, require_unit
 from cislunar.runtime.threads import single_threaded_algebra
 
 _BODY = "small deviations"
@@ -94,7 +95,8 @@ def light_curve_rows(
     Parameters
     ----------
     time_s, magnitude, variance, range_m : array_like, shape (n,)
-        Times since the epoch, s; magnitudes; their variances, mag^2; ranges, m.
+        Times since the epoch, s; magnitudes; their variances, mag^2; ranges, m. The last two may be
+        the same number for all rows.
     sun, view : array_like, shape (n, 3)
         Unit vectors from the object to the Sun and to the observer, inertial frame.
 
@@ -107,13 +109,24 @@ def light_curve_rows(
     Raises
     ------
     ConfigurationError
-        If a magnitude is not finite; leave such detections out.
+        If shapes disagree, a value is not finite, a variance or a range is not positive, a vector
+        is not of unit norm, or a time is negative or before that of the row above.
     """
     data = np.empty((np.size(time_s), ROW_COLUMNS))
-    data[:, TIME], data[:, RANGE] = time_s, range_m
-    data[:, MAGNITUDE] = array_of("magnitude", magnitude, (len(data),))
-    data[:, SUN], data[:, VIEW], data[:, SEEN] = sun, view, 1.0
-    data[:, WEIGHT] = 1.0 / np.asarray(variance, dtype=float)
+    n = len(data)
+    data[:, TIME] = array_of("time_s", time_s, (n,))
+    data[:, MAGNITUDE] = array_of("magnitude", magnitude, (n,))
+    for name, column, given in (("range_m", RANGE, range_m), ("variance", WEIGHT, variance)):
+        found = array_of(name, given)
+        data[:, column] = array_of(name, found, (n,) if found.ndim else None)
+    for name, column, given in (("sun", SUN, sun), ("view", VIEW, view)):
+        data[:, column] = array_of(name, given, (n, 3))
+        require_unit(name, data[:, column], "row")
+    if np.any(np.diff(data[:, TIME], prepend=0.0) < 0.0):
+        raise ConfigurationError("time_s: give times of at least 0 s in increasing order")
+    if not np.all(data[:, [WEIGHT, RANGE]] > 0.0):
+        raise ConfigurationError("variance and range_m must be positive")
+    data[:, WEIGHT], data[:, SEEN] = 1.0 / data[:, WEIGHT], 1.0
     return data
 
 
