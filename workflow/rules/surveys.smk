@@ -32,7 +32,7 @@ rule survey:
     conda:
         "../envs/cislunar.yaml"
     resources:
-        mem_mb=2500,
+        mem_mb=lambda wildcards: 2500 + 60 * max(0, survey_of(wildcards)["duration_days"] - 7),
     params:
         survey=survey_settings,
         settings=survey_cell,
