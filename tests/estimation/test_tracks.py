@@ -327,10 +327,9 @@ def test_force_models_may_have_values_for_each_target(problem):
     together = after(first, 10)
     np.testing.assert_array_equal(together[2:], after(second, 16))
     np.testing.assert_array_equal(together[1], remaining[0])
+    initial, surfaces, _ = problem.of([0])
     with pytest.raises(ConfigurationError, match="values for 4 targets, not for 1"):
-        MultiplicativeUKF(
-            problem.scene, problem.surfaces, SENSOR, problem.of([0])[0], forces=forces
-        )
+        MultiplicativeUKF(problem.scene, surfaces, SENSOR, initial, forces=forces)
 
 
 @both
