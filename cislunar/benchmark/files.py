@@ -43,6 +43,25 @@ OBSERVERS, ADES, MANIFEST = "observers.oem", "detections.psv", "manifest.json"
 TRUTH = "truth/truth.nc"
 _PUBLIC = (SCENARIO, EXPOSURES, DETECTIONS, ADES, OBSERVERS)
 
+
+def new_folder(path: str | Path) -> Path:
+    """Make a folder for results, before they are computed.
+
+    Raises
+    ------
+    InputFileError
+        If there are files in it, or it cannot be made.
+    """
+    folder = Path(path)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputFileError(f"{folder}: is not an empty folder; give a new one")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputFileError(f"{folder}: cannot be made ({error.strerror}); give another") from None
+    return folder
+
+
 _HOUR_S = 3600.0
 _SPARE_S = 600.0
 """Time after the end that the force model covers."""

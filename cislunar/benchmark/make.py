@@ -25,7 +25,7 @@ from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY
 from cislunar.detection import FALSE_ALARM, detection_table, exposure_table
 from cislunar.dynamics import EphemerisForces, inertial_states, propagate
 from cislunar.ephemeris import read_table
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import ConfigurationError
 from cislunar.exchange import ades_text, inertial_arc, oem_text
 from cislunar.observation import Scene, Sensor
 from cislunar.observation.target_surfaces import target_surfaces
@@ -126,13 +126,11 @@ def make_benchmark(
     ConfigurationError, InputFileError
         If the size is unknown, the seed negative, or the folder not empty.
     """
-    root = Path(folder)
     if isinstance(size, str):
         require_choice("size", size, SIZES)
     if seed < 0:
         raise ConfigurationError(f"seed = {seed} must not be negative")
-    if root.exists() and (not root.is_dir() or any(root.iterdir())):
-        raise InputFileError(f"{root}: is not an empty folder; give a new one")
+    root = files.new_folder(folder)
     chosen = SIZES[size] if isinstance(size, str) else size
     scenario = _scenario(size if isinstance(size, str) else "custom", chosen)
     forces = scenario.forces()

@@ -19,6 +19,7 @@ from cislunar.benchmark.files import (
     PublicData,
     dates,
     icrf_scene,
+    new_folder,
     read_public_data,
     read_scenario,
 )
@@ -27,7 +28,7 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.detection import Exposures
 from cislunar.dynamics import EphemerisForces, propagate_stm
 from cislunar.ephemeris import BODY_COLUMNS, read_table
-from cislunar.errors import CislunarError, ConvergenceError, InputFileError
+from cislunar.errors import CislunarError, ConvergenceError
 from cislunar.exchange import Segment, inertial_arc, oem_text
 from cislunar.observation import Scene, sensor_limits
 from cislunar.orbit_determination import (
@@ -125,11 +126,9 @@ def write_reference(
         If the catalog stays empty.
     """
     require_choice("method", method, REFERENCE_METHODS)
-    target = Path(output)
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise InputFileError(f"{target}: is not an empty folder; give a new one")
     scenario = read_scenario(folder)
     public, forces = read_public_data(folder, scenario), scenario.forces()
+    target = new_folder(output)
     catalog = (
         _ConfirmedOrbits(scenario, forces, public)
         if method == "survey-catalog"

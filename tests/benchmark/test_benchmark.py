@@ -150,6 +150,7 @@ def test_impossible_arguments_are_refused(made, tmp_path):
     for given, words in (
         ((tmp_path, "tiny"), "must be one of small, medium, large"),
         ((made, SIZE), "not an empty folder"),
+        ((made / "detections.csv" / "in", SIZE), "cannot be made"),
         ((tmp_path / "new", SIZE, -1), "must not be negative"),
     ):
         with pytest.raises(CislunarError, match=words):
