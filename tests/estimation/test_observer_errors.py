@@ -19,6 +19,7 @@ from cislunar.estimation.navigation.factory import navigated
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
 from cislunar.observation.records import Measurements, rows_of, schedule
 from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import surfaces_of
 from cislunar.tasking.demonstration import tracking_problem
 
 SIGMA = ObserverErrorSigma(position_m=200, pointing_arcsec=3, clock_s=0.05)
@@ -292,7 +293,8 @@ def test_predictions_are_those_of_the_next_step(case, treatment):
 def test_tracks_are_added_and_removed_with_their_sensitivities(case):
     estimator, _ = advanced(case, "calibrated", mukf(use_magnitude=False), 2)
     before = estimator.orbits()
-    estimator.add(case.initial.of_targets(np.array([1])), case.problem.surfaces._replace())
+    one = np.array([1])
+    estimator.add(case.initial.of_targets(one), surfaces_of(case.problem.surfaces, one))
     estimator.remove([0])
     after = estimator.orbits()
     np.testing.assert_array_equal(after.translation[:2], before.translation[1:])
