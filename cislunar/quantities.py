@@ -91,12 +91,9 @@ def in_kilometers(name: str, given: Any) -> Any:
 def _in_units(name: str, given: Any, units: dict[str, float]) -> Any:
     """Quantities in the first of some units that fits, divided by its size."""
     if isinstance(given, tuple | list) and given and all(map(is_quantity, given)):
-        # of a state, the first half is the position
-        each_in = [units] * len(given)
-        if len(units) == 2:
-            pair = [{unit: size} for unit, size in units.items()]
-            each_in = [pair[2 * k >= len(given)] for k in range(len(given))]
-        parts = (_in_units(name, each, own) for each, own in zip(given, each_in, strict=True))
+        # of a state, which has two units, the first half is the position
+        one = [{unit: size} for unit, size in units.items()]
+        parts = [_in_units(name, x, one[len(one) * k // len(given)]) for k, x in enumerate(given)]
         return np.concatenate([np.ravel(part) for part in parts])
     if not is_quantity(given):
         return given

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import array_of
 
 IMPROVES = 1.0 + 1e-9
 """Least ratio of values that is an improvement; below it, rounding could make a search cycle or
@@ -94,10 +95,7 @@ class Objective(ABC):
 
     def checked(self, orbit: ArrayLike, satellites: ArrayLike) -> tuple[NDArray, NDArray]:
         """Both as int64 arrays; a `ConfigurationError` if they do not match or are out of range."""
-        given = [np.asarray(each) for each in (orbit, satellites)]
-        if any(each.dtype.kind not in "iu" and np.any(each != np.floor(each)) for each in given):
-            raise ConfigurationError("orbit and satellites must be whole numbers")
-        orbit, satellites = (each.astype(np.int64) for each in given)
+        orbit, satellites = _whole(orbit), _whole(satellites)
         if orbit.shape != satellites.shape or orbit.ndim != 1 or orbit.size == 0:
             raise ConfigurationError("orbit and satellites must be equally long, non-empty lists")
         if orbit.min() < 0 or orbit.max() >= self.n_orbits:
@@ -105,3 +103,13 @@ class Objective(ABC):
         if satellites.min() < 1 or satellites.max() > self.max_satellites:
             raise ConfigurationError(f"satellites must lie in 1 .. {self.max_satellites}")
         return orbit, satellites
+
+
+def _whole(given: ArrayLike) -> NDArray[np.int64]:
+    """Whole numbers as int64; a `ConfigurationError` otherwise."""
+    found = np.asarray(given)
+    if found.dtype.kind not in "iu":
+        found = array_of("orbit and satellites", given)
+        if np.any(found != np.floor(found)):
+            raise ConfigurationError("orbit and satellites must be whole numbers")
+    return found.astype(np.int64)

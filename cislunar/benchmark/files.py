@@ -34,7 +34,7 @@ from cislunar.exchange import checked, observation_table, read_text
 from cislunar.observation import Scene, Sensor, make_scene
 from cislunar.orbit_determination import Angles, angles_from_table
 from cislunar.runtime import Array, require_path
-from cislunar.runtime.netcdf import read_dataset, write_text
+from cislunar.runtime.netcdf import make_folder, read_dataset, write_text
 from cislunar.runtime.settings_fields import Positive, Section, Text, setting
 from cislunar.survey import SurveyModel
 
@@ -55,10 +55,7 @@ def new_folder(path: str | Path) -> Path:
     folder = Path(path)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputFileError(f"{folder}: is not an empty folder; give a new one")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputFileError(f"{folder}: cannot be made ({error.strerror}); give another") from None
+    make_folder(folder, f"{folder}: cannot be made")
     return folder
 
 

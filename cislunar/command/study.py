@@ -3,7 +3,6 @@
 import click
 
 from cislunar.command.base import Command
-from cislunar.errors import InputFileError
 
 
 @click.command(cls=Command)
@@ -40,6 +39,7 @@ def study(file: str, output: str | None, seeds: int | None, check: bool) -> None
     """
     from pathlib import Path
 
+    from cislunar.runtime.netcdf import make_folder
     from cislunar.study.study_file import read_study, write_study
 
     chosen = read_study(file)
@@ -47,12 +47,7 @@ def study(file: str, output: str | None, seeds: int | None, check: bool) -> None
     if check:
         return
     folder = Path(output) if output else Path(file).with_suffix("")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputFileError(
-            f"--output {folder}: {error.strerror}; give a folder that can be written to"
-        ) from error
+    make_folder(folder, f"--output {folder}")
     result = chosen.run(seeds)
     paths = write_study(result, folder)
     click.echo(result.summary().round(3).to_string())

@@ -75,11 +75,10 @@ def require_targets(forces: tuple, n_targets: int | None) -> None:
     is None, for each target."""
     known = getattr(forces, "n_targets", None)
     if known not in (None, n_targets):
-        remedy = "propagate_bundle has one" if n_targets is None else "pass a model of all targets"
-        needed = "is needed for all states" if n_targets is None else f"not for {n_targets}"
-        raise ConfigurationError(
-            f"forces: the model has values for {known} targets, {needed}; {remedy}"
-        )
+        fault = f"forces: the model has values for {known} targets"
+        if n_targets is None:
+            raise ConfigurationError(f"{fault}; pass one for all states, or use propagate_bundle")
+        raise ConfigurationError(f"{fault}, not for {n_targets}; pass a model of all targets")
 
 
 def at(forces, t):

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene
-from cislunar.runtime import Array, indices_of
+from cislunar.runtime import Array
 
 Values = TypeVar("Values", NDArray, list, tuple)
 
@@ -41,19 +39,6 @@ def remaining_tracks(n_tracks: int, removed: ArrayLike) -> NDArray[np.int64]:
             f"tracks {given.tolist()} cannot be removed: indices are from 0 to {n_tracks - 1}"
         )
     return np.delete(np.arange(n_tracks), targets)
-
-
-def require_steps(measurements: Measurements, n_tracks: int, index: int, scene: Scene) -> None:
-    """Raise a `ConfigurationError` if measurements after an index of the scene are of another
-    number of targets than the tracks, beyond the scene, or of an observer that it does not have."""
-    n_targets, n_steps = measurements.offset.shape[0], measurements.offset.shape[1] - 1
-    left = scene.sun_position.shape[0] - 1 - index
-    if n_targets != n_tracks or n_steps > left:
-        raise ConfigurationError(
-            f"measurements: {n_steps} steps of {n_targets} targets do not fit {n_tracks} tracks in "
-            f"a scene with {left} steps to come"
-        )
-    indices_of("measurements.observer", measurements.observer, len(scene.observer_position))
 
 
 def starting_index(index: int | None, present: int) -> int:

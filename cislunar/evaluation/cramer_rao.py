@@ -38,10 +38,10 @@ from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_sampling import surface_table
 from cislunar.observation.measurement_derivatives import deviation_row, measurement_rows
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene
+from cislunar.observation.scene import Scene, require_measurements
 from cislunar.observation.sightline import inside_primary
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime import Array, array_of, indices_of
+from cislunar.runtime import Array, array_of
 from cislunar.runtime.threads import share_out
 
 SIZE = 12
@@ -320,15 +320,7 @@ class CramerRaoBound:
             If measurements, true states and scene do not fit each other, or a variance is negative.
         """
         n_targets, n_offsets = measurements.offset.shape
-        n_times = self._model[0].sun_position.shape[0] - self._index
-        if n_targets != len(self._state.root) or n_offsets > n_times:
-            raise ConfigurationError(
-                f"measurements at {n_offsets - 1} steps of {n_targets} targets do not fit surfaces "
-                f"of {len(self._state.root)} targets or a scene with {n_times} times to come"
-            )
-        indices_of(
-            "measurements.observer", measurements.observer, len(self._model[0].observer_position)
-        )
+        require_measurements(measurements, len(self._state.root), self._index, self._model[0])
         if np.any(measurements.variance < 0.0):
             raise ConfigurationError(
                 "measurements.variance: a value is negative; give mag^2 and rad^2"

@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "measurement_derivatives": ["angle_rows", "deviation_row", "measurement_rows"],
     "records": ["Measurements", "Schedule", "arranged", "highest", "no_measurements",
         "pointed_schedule", "rows_of"],
-    "scene": ["Scene", "make_scene"],
+    "scene": ["Scene", "make_scene", "require_measurements"],
     "sensor": ["ARCSECOND", "Atmosphere", "ExclusionAngles", "GroundSensor", "PhotonNoise",
         "Sensor", "SensorLimits", "Sensors", "extinction", "limits_of", "noise_at",
         "noise_variance_at", "sensor_limits", "sensors_of"],

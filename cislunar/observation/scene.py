@@ -28,7 +28,8 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.arguments import UNIT_NORM, Array, array_of, number_of
+from cislunar.observation.records import Measurements
+from cislunar.runtime.arguments import UNIT_NORM, Array, array_of, indices_of, number_of
 
 _OBSERVER_RATE_DEG_H = (0.0, 0.0, 1.0)
 """Angular velocity of the observers, body frame, deg/h (Paul & Fan, table 3)."""
@@ -59,6 +60,21 @@ class Scene(NamedTuple):
     frame_axes: Array
     observer_axes: Array
     primaries: Array
+
+
+def require_measurements(
+    measurements: Measurements, n_tracks: int, index: int, scene: Scene
+) -> None:
+    """Raise a `ConfigurationError` if measurements after an index of the scene are of another
+    number of targets than the tracks, beyond the scene, or of an observer that it does not have."""
+    n_targets, n_steps = measurements.offset.shape[0], measurements.offset.shape[1] - 1
+    left = scene.sun_position.shape[0] - 1 - index
+    if n_targets != n_tracks or n_steps > left:
+        raise ConfigurationError(
+            f"measurements: {n_steps} steps of {n_targets} targets do not fit {n_tracks} tracks in "
+            f"a scene with {left} steps to come"
+        )
+    indices_of("measurements.observer", measurements.observer, len(scene.observer_position))
 
 
 def make_scene(

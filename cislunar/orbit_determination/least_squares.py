@@ -305,7 +305,6 @@ def fit_orbits(
         If a fit has fewer than three rows, rows do not exist or do not increase, shapes disagree,
         or the force model does not cover the times.
     """
-    require_order(angles.time)
     given = array_of("state", state, finite=False)
     if given.size and given.shape != (6,):
         array_of("state", given, ("fit", 6), finite=False)
@@ -329,6 +328,10 @@ def fit_orbits(
     increases[begin[1:-1] - 1] = True  # from one fit to the next
     if not np.all(increases):
         raise ConfigurationError("rows of a fit do not increase; sort them and use each once")
+    in_order = np.diff(angles.time[row]) >= 0.0
+    in_order[begin[1:-1] - 1] = True
+    if not np.all(in_order):
+        require_order(angles.time)
     n, m = len(starts), row.size
     out = OrbitFits(
         epochs, starts, np.full((n, 6, 6), np.nan), np.full((n, 6, 6), np.nan),

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "require_path", "require_unit", "vectors_of"],
     "compilation": ["announced"],
     "kernels": ["KernelSet", "compile_kernels", "drop_stale_kernels"],
-    "netcdf": ["Later", "growing_dataset", "read_dataset", "variable", "whole_file",
+    "netcdf": ["Later", "growing_dataset", "make_folder", "read_dataset", "variable", "whole_file",
         "write_dataset", "write_text"],
     "progress": ["Progress", "counted", "each", "logger", "on_terminal", "progress_log"],
     "seeds": ["generator"],

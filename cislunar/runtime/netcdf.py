@@ -21,6 +21,17 @@ def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Varia
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
 
 
+def make_folder(folder: Path, place: str) -> None:
+    """Make a folder, if it is missing, before its files are computed; `place` begins the message of
+    the `InputFileError` if it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputFileError(
+            f"{place}: {error.strerror}; give a folder that can be written to"
+        ) from error
+
+
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """A temporary name for a file that is moved into place once it is complete. Raises

@@ -45,13 +45,12 @@ from cislunar.estimation.kalman.workspace import filter_constants, with_new_trac
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
-    require_steps,
     selected_tracks,
     starting_index,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
-from cislunar.observation.scene import Scene
+from cislunar.observation.scene import Scene, require_measurements
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import (
     TargetSurfaces,
@@ -230,7 +229,7 @@ class MultiplicativeUKF:
     ) -> Estimates:
         """See `Estimator.advance`; the filter does the same at every step in all cases."""
         n_targets = len(self._state.failed)
-        require_steps(measurements, n_targets, self._index, self._scene)
+        require_measurements(measurements, n_targets, self._index, self._scene)
         out = empty_estimates(measurements, covariance)
         model = (self._scene, self._surfaces, self._bodies, self._constants)
         given = (self._index + 1, *model, measurements, self._state, self._mixture, out)

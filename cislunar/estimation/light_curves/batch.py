@@ -60,13 +60,12 @@ from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
-    require_steps,
     selected_tracks,
     starting_index,
 )
 from cislunar.observation.body_parameters import HOUR
 from cislunar.observation.records import Measurements, no_measurements
-from cislunar.observation.scene import Scene
+from cislunar.observation.scene import Scene, require_measurements
 from cislunar.observation.sensor import Sensors, sensor_limits, sensors_of
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime import Array
@@ -256,7 +255,7 @@ class BatchEstimator:
         """See `Estimator.advance`. Light curves are fitted at the end of an interval, and, with
         `histories`, within it when they have grown."""
         tracks = self._tracks
-        require_steps(measurements, len(tracks.models), self._index, self._scene)
+        require_measurements(measurements, len(tracks.models), self._index, self._scene)
         out = empty_estimates(measurements, covariance, histories)
         observations = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, count in enumerate(observations):

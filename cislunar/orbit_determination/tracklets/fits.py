@@ -112,10 +112,12 @@ def attributables(
         count_of("degree", degree)
     require_order(angles.time)
     parts = [np.ravel(rows) for rows in tracklets]
-    if any(rows.dtype == bool or np.unique(rows).size < rows.size for rows in parts):
-        raise ConfigurationError("tracklets: give the number of each row once, not a mask")
     indices_of("tracklets", np.concatenate([np.empty(0), *parts]), angles.time.size)
     sets = [np.sort(rows.astype(np.int64)) for rows in parts]
+    more = np.diff(np.concatenate([np.empty(0), *sets])) > 0
+    more[np.cumsum([rows.size for rows in sets], dtype=np.int64)[:-1] - 1] = True
+    if not np.all(more) or any(rows.dtype == bool for rows in parts):
+        raise ConfigurationError("tracklets: give the number of each row once, not a mask")
     before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}
     at = np.array([before.get(rows.tobytes(), -1) for rows in sets], dtype=np.int64)
     size = np.array([rows.size for rows in sets], dtype=np.int64)

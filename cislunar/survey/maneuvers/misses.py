@@ -128,6 +128,8 @@ def log_missed(
     """
     fields, scene, limits, magnitude_sigma, loss = watch
     last = angles.time[fits.row[fits.begin[which + 1] - 1]] if since is None else since
+    begin = np.searchsorted(fields.index, last.min(initial=np.inf) / scene.step - 1.0)
+    fields = FieldHistory(*(each[begin:] for each in fields))
     possible = np.ones(angles.time.size, dtype=bool)
     if of_others is not None:
         possible[of_others] = False
