@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "catalog": ["CATALOG_COLUMNS", "is_catalog", "read_catalog"],
     "inertial": ["Epoch", "epoch_at", "icrf_axes", "inertial_covariances",
         "rotating_covariances", "rotating_state_at", "rotating_states"],
-    "key_values": ["CENTERS", "EARTH_MOON_CENTER", "FRAMES", "dates", "read_text"],
+    "key_values": ["CENTERS", "EARTH_MOON_CENTER", "FRAMES", "ORIGINS", "dates", "read_text"],
     "observation_files": ["observation_table"],
     "observations": ["OBJECT_NAMES", "POSITION_COLUMNS", "REQUIRED", "checked", "object_of",
         "observation_dates", "require"],

@@ -15,8 +15,9 @@ class, optional     ``family``                      ``family``
 ==================  ==============================  ==========================================
 
 Velocities are relative to the rotating frame. A target without a period is at its state at the
-epoch. A target with a period starts at a random point of its orbit, like the paper's targets. Other
-columns are ignored.
+epoch. A target with a period starts at a random point of its orbit, like the paper's targets.
+Columns ``frame`` and ``center``, as `cislunar orbits` writes them, must be rotating and EARTH
+BARYCENTER, and dates are refused. Other columns are ignored.
 
 Moving targets may also be rows of JPL's catalog (`cislunar.exchange.catalog`), each at a random
 point of its orbit, or a CCSDS OEM, a file named ``*.oem`` (`cislunar.exchange.oem`), with each
@@ -31,13 +32,22 @@ from typing import NamedTuple
 import numpy as np
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange import CATALOG_COLUMNS, Epoch, is_catalog, read_catalog, rotating_state_at
+from cislunar.exchange import (
+    CATALOG_COLUMNS,
+    EARTH_MOON_CENTER,
+    ORIGINS,
+    Epoch,
+    is_catalog,
+    read_catalog,
+    rotating_state_at,
+)
 from cislunar.exchange.oem import objects_of
 from cislunar.exchange.table_rows import (
     OWN_FAMILY,
     PERIOD,
     POSITION,
     VELOCITY,
+    Row,
     check_closed,
     check_state,
     named_rows,
@@ -49,6 +59,9 @@ from cislunar.exchange.table_rows import (
     row_state,
 )
 from cislunar.runtime import Array, number_of, require_path
+
+_DATES = ("time_scale", "epoch", "epoch_utc", "epoch_tai", "epoch_tt", "epoch_tdb")
+"""Columns of tables whose states belong to dates, as `cislunar.exchange.state_tables` has them."""
 
 
 class TargetStates(NamedTuple):
@@ -111,7 +124,7 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
         for name, state in zip(found.name, found.state, strict=True):
             check_state(f"{path}, Id {name!r}", CATALOG_COLUMNS, state, "")
         return TargetStates(found.name, [OWN_FAMILY] * len(found.name), found.state, found.period)
-    header, rows = named_rows(path, "target")
+    header, rows = _rows(path)
     position = quantity_columns(path, header, POSITION)
     velocity = quantity_columns(path, header, VELOCITY)
     period = quantity_columns(path, header, PERIOD, optional=True)
@@ -221,11 +234,32 @@ def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
     return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
 
 
+def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, Row]]]:
+    """Header and rows of a table, which must not say that its states are in another frame."""
+    header, rows = named_rows(path, "target")
+    remedy = "give inertial states as an OEM (*.oem) or as icrf_km of a study"
+    for column in _DATES:
+        if column in header:
+            raise InputFileError(
+                f"{path}, row 1: column {column}: a table has states at the epoch, rotating frame; "
+                f"remove the column, or {remedy}"
+            )
+    for place, row in rows:
+        frame, center = row.get("frame", ""), row.get("center", "")
+        if frame.lower() not in ("", "rotating"):
+            raise InputFileError(f"{place}: frame = {frame!r} must be rotating; {remedy}")
+        if center and ORIGINS.get(center.upper()) != EARTH_MOON_CENTER:
+            raise InputFileError(
+                f"{place}: center = {center!r} must be {EARTH_MOON_CENTER}; {remedy}"
+            )
+    return header, rows
+
+
 def load_target_positions(path: str | Path) -> tuple[list[str], Array]:
     """Names and positions (target, 3) of static targets from a table, in which velocity columns are
     ignored. Positions are nondimensional, in the rotating frame, and in the order of the file. For
     the errors see `load_target_states`."""
-    header, rows = named_rows(path, "target")
+    header, rows = _rows(path)
     position = quantity_columns(path, header, POSITION)
     names = row_names(rows, "target")
     found = [row_position(place, row, position) for place, row in rows]

@@ -69,6 +69,30 @@ def test_faults_of_target_tables_are_one_line_that_names_the_field(tmp_path, row
     refused(load_target_states, table(tmp_path, *rows), re.escape(message))
 
 
+@pytest.mark.parametrize(
+    ("columns", "values", "message"),
+    [
+        (
+            "frame,center",
+            "ICRF,EARTH",
+            "row 2, target 'one': frame = 'ICRF' must be rotating; give",
+        ),
+        ("frame,center", "rotating,EARTH", "center = 'EARTH' must be EARTH BARYCENTER; give"),
+        ("epoch_utc", "2027-01-01", "row 1: column epoch_utc: a table has states at the epoch"),
+        ("time_scale", "UTC", "row 1: column time_scale: a table has states at the epoch"),
+    ],
+)
+def test_tables_of_states_in_another_frame_are_refused(tmp_path, columns, values, message):
+    path = table(tmp_path, f"{HEADER},{columns}", f"{GOOD},{values}")
+    for reader in (load_target_states, load_target_positions):
+        refused(reader, path, re.escape(message) + ".*icrf_km of a study")
+
+
+def test_a_table_may_state_the_rotating_frame(tmp_path):
+    path = table(tmp_path, HEADER + ",frame,center", GOOD + ",Rotating,EMB")
+    assert load_target_states(path).state.tolist() == [[0.5, 0.1, 0.0, 0.1, 0.2, 0.0]]
+
+
 def test_unreadable_tables_are_refused(tmp_path):
     with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
         load_target_positions(tmp_path / "nowhere.csv")
