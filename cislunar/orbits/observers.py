@@ -212,7 +212,7 @@ def _member(observer: Observer) -> OrbitSet:
     with placed(place, ConfigurationError, InputFileError):
         found = periodic_orbits(family, clear=False, **{quantity: value})
     if len(found.period) == 1:
-        _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
+        check_clear(observer.place, float(found.perigee_km[0]), float(found.perilune_km[0]))
         return found
     column, other = "period_days", "jacobi"
     if not observer.period:
@@ -232,7 +232,7 @@ def _given(observer: Observer, days: float) -> OrbitSet:
     """The orbit or trajectory through a given state."""
     state, period = np.array(observer.state), observer.period
     found = orbit_through(observer.family, state, period, days)
-    _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
+    check_clear(observer.place, float(found.perigee_km[0]), float(found.perilune_km[0]))
     if period:
         check_closed(observer.place, state, period)
     return found
@@ -255,15 +255,16 @@ def orbit_through(family: str, state: Array, period: float, days: float = 0.0) -
     return OrbitSet(np.array([family]), state[None], *(np.array([each]) for each in values))
 
 
-def _check_clear(observer: Observer, perigee_km: float, perilune_km: float) -> None:
-    """Refuse an orbit that intersects a body."""
+def check_clear(place: str, perigee_km: float, perilune_km: float) -> None:
+    """Raise an `InputFileError` that begins with `place` if an orbit with these least distances
+    from the centers of Earth and Moon meets one of them."""
     for body, distance, radius in (
         ("Earth", perigee_km, EARTH_RADIUS_KM),
         ("Moon", perilune_km, MOON_RADIUS_KM),
     ):
         if distance <= radius:
             raise InputFileError(
-                f"{observer.place}: its orbit meets the {body}: it comes within {distance:,.0f} km "
+                f"{place}: its orbit meets the {body}: it comes within {distance:,.0f} km "
                 f"of its center (radius {radius:,.0f} km); choose another orbit"
             )
 

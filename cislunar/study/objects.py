@@ -20,18 +20,27 @@ import xarray as xr
 
 from cislunar.campaign.data.own_targets import objects_dataset
 from cislunar.campaign.settings.cell_settings import sensor_change
-from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.propagation import propagate, propagate_periodic
-from cislunar.errors import ConfigurationError, did_you_mean, known_keys
+from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
+from cislunar.errors import (
+    ConfigurationError,
+    ConvergenceError,
+    InputFileError,
+    did_you_mean,
+    known_keys,
+    placed,
+)
 from cislunar.exchange.inertial import Epoch, rotating_state_at
 from cislunar.exchange.oem import Segment, objects_of
-from cislunar.exchange.table_rows import OWN_FAMILY
+from cislunar.exchange.table_rows import OWN_FAMILY, check_state
 from cislunar.orbits.families import OrbitSet
-from cislunar.orbits.observers import load_observers, observer_orbits
+from cislunar.orbits.observers import check_clear, load_observers, observer_orbits
 from cislunar.quantities import in_kilometers, in_unit, nondimensional
 from cislunar.runtime.arguments import Array, array_of, number_of, require_unit
+from cislunar.runtime.progress import logger
+from cislunar.runtime.progress import shown as to_terminal
 from cislunar.runtime.settings_words import shown
-from cislunar.study.orbit_text import member_of, members_of, read_orbit, state_of
+from cislunar.study.orbit_text import COMPONENTS, member_of, members_of, read_orbit, state_of
 from cislunar.targets.tables import TargetStates, check_closed_targets, load_target_states
 
 PATH_POINTS = 721
@@ -145,7 +154,30 @@ def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[Study
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ConfigurationError(f"{place}: the name {twice[0]!r} occurs twice; rename one")
+    for each in found:
+        _check_orbit(what, each, days)
     return found
+
+
+def _check_orbit(what: str, given: StudyObject, days: float) -> None:
+    """Refuse an observer whose orbit meets the Earth or the Moon, and warn of such a target."""
+    place, duration = _place(what, given.name), days * SECONDS_PER_DAY / TIME_UNIT_S
+    if what == "observer" and given.segments:
+        return  # it follows its ephemeris
+    try:
+        with placed(f"{place}: its orbit cannot be followed", ConvergenceError, InputFileError):
+            least = closest_approaches(given.state, given.period or duration)
+        check_clear(place, *(LENGTH_UNIT_KM * each for each in least))
+    except InputFileError as error:
+        if what == "observer":
+            raise
+        with to_terminal():
+            logger.warning("warning: %s", error)
+
+
+def _place(what: str, name: Any) -> str:
+    """An object in a message, where the name of one without a name says what it is."""
+    return f"{what} {name!r}" if name != f"{what} {str(name).split(' ')[-1]}" else str(name)
 
 
 def _of_file(what: str, path: Path, epoch: Epoch, days: float) -> list[StudyObject]:
@@ -184,7 +216,7 @@ def _with_segments(place: str, segments: Sequence[Segment], epoch: Epoch) -> Stu
 
 def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject]:
     """Objects of one entry of a collection, which are several for several members of a family."""
-    place = f"{what} {name!r}" if name != f"{what} {str(name).split(' ')[-1]}" else str(name)
+    place = _place(what, name)
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise ConfigurationError(f"{what}s: {shown(name)} is no name; give a text, in quotes")
     if isinstance(given, OrbitSet):
@@ -201,6 +233,8 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
 
 def _members(name: str, members: OrbitSet) -> list[StudyObject]:
     """Members of families, with a number after the name if there are several."""
+    for state in members.state:
+        check_state(name or str(members.family[0]), COMPONENTS, state, "")
     several = members.period.size > 1 or not name
     return [
         StudyObject(

@@ -19,6 +19,7 @@ EYE, OBSERVER = {"eye": "Halo_L2_S,period=6.56"}, {"family": "Halo_L2_S", "perio
 TARGET = {"a": "Lyap_L2,period=15"}
 STATE = {"state_km": [400_000.0, 0.0, -60_000.0, 0.0, 0.1, 0.0]}
 NAN = float("nan")
+FALLING, INSIDE = [0.95, 0.0, 0.0, 0.0, 0.0, 0.0], np.array([[0.988, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 
 def studied(observers=EYE, targets=TARGET, *more, **settings):
@@ -51,6 +52,18 @@ MISTAKES = {
     "None": (lambda: studied(EYE, {"a": None}), "target 'a': state = None"),
     "a text as state": (target(state="abc"), "state = 'abc' must be numbers"),
     "inside the Moon": (target(state_km=[379_729.0, 0, 0, 0, 0, 0]), "lies inside the Moon"),
+    "an observer that meets the Moon": (
+        lambda: studied({"e": FALLING}, duration_hours=48),
+        "observer 'e': its orbit meets the Moon: it comes within",
+    ),
+    "a text that meets the Moon": (
+        lambda: studied(["365180,0,0,0,0,0"], duration_hours=48),
+        "observer 1: its orbit meets the Moon: it comes within",
+    ),
+    "a member inside the Moon": (
+        lambda: studied(EYE, cs.periodic_orbits("DRO", period_days=12)._replace(state=INSIDE)),
+        "DRO: lies inside the Moon",
+    ),
     "an unknown key": (target(familly="Halo_L2_S"), "did you mean 'family'"),
     "two orbits": (target(**OBSERVER, **STATE), "family and state_km given"),
     "no member": (target(family="Halo_L2_S"), "give jacobi, period_days or count"),
@@ -248,6 +261,15 @@ def test_a_mistake_in_the_command_is_one_line(option):
 def test_a_shortened_interval_is_announced(caplog):
     studied(duration_hours=6.3)
     assert "duration_hours = 6.3 is no multiple of interval_minutes = 60" in caplog.text
+
+
+def test_a_target_that_meets_the_moon_is_announced(caplog):
+    targets = TARGET | {"b": FALLING}
+    studied(EYE, targets, duration_hours=2)
+    assert not caplog.records
+    studied(EYE, targets, duration_hours=48)
+    (line,) = caplog.messages
+    assert line.startswith("warning: target 'b': its orbit meets the Moon: it comes within")
 
 
 def test_a_file_is_checked_without_a_run(tmp_path):
