@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "ades": ["VERSIONS", "ades_text", "read_ades"],
+    "ades": ["VERSIONS", "ades_text", "observer_codes", "read_ades"],
     "aem": ["AttitudeSegment", "BODY", "aem_text", "read_aem"],
     "arcs": ["COMMENTS", "EPHEMERIS_COMMENTS", "GEOMETRIC_DIRECTIONS", "arc", "inertial_arc",
         "rotating_arc"],

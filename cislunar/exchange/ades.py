@@ -11,6 +11,7 @@ The standard limits the digits of numbers, to which they are rounded: 1e-9 deg (
 What has been read is written unchanged. Leap seconds are not supported.
 """
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -135,6 +136,15 @@ def ades_text(
         observatory = {"mpcCode": station, **({"name": named[0]} if named else {})}
         lines += _header({"observatory": observatory, **context}) + _records(own[used])
     return "\n".join(lines) + "\n"
+
+
+def observer_codes(names: Sequence[str]) -> dict[str, str]:
+    """Codes for ``stn`` by the names of observers: the name if it has the form of a code, or else
+    O001, O002 and so on, which no observatory has."""
+    form = _TEXT["stn"][0]
+    codes = {name: name for name in names if re.fullmatch(form, name, re.ASCII)}
+    free = (code for k in itertools.count(1) if (code := f"O{k:03d}") not in names)
+    return {name: codes.get(name) or next(free) for name in names}
 
 
 def _number(name: str, value: float) -> str:

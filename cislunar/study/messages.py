@@ -13,6 +13,7 @@ from cislunar.campaign.tracking import (
     cell_observations,
     cell_observer_arcs,
     is_ephemeris,
+    observer_names,
 )
 from cislunar.constants import DATE_SYSTEM
 from cislunar.errors import ConfigurationError
@@ -22,6 +23,7 @@ from cislunar.exchange import (
     GEOMETRIC_DIRECTIONS,
     ades_text,
     aem_text,
+    observer_codes,
     ocm_text,
     oem_text,
     segments_csv,
@@ -98,7 +100,7 @@ def cell_messages(
             table = cell_observations(cell, sun, seed=seed).assign(remarks=GEOMETRIC_DIRECTIONS)
             comments = (*dynamics, GEOMETRIC_DIRECTIONS)
         if ending == ".psv":
-            return {"": ades_text(table)}
+            return {"": ades_text(_with_codes(table, observer_names(cell)))}
         return {"": tdm_text(table, **message, comments=comments)}
     message["comments"] = dynamics
     if ending == ".aem":
@@ -119,6 +121,17 @@ def cell_messages(
             ending += f"_{number}"
         found[ending] = ocm_text(each, maneuvers.get(each.name, ()), **message)
     return found
+
+
+def _with_codes(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """Observations with the codes of ADES for observers, whose names become a remark."""
+    codes, given = observer_codes(names), table["stn"].astype(str)
+    remarks = [
+        "; ".join(filter(None, [f"observer {own}" if codes.get(own, own) != own else "", also]))
+        for own, also in zip(given, table.get("remarks", pd.Series("", table.index)), strict=True)
+    ]
+    signs = [each.replace("|", "/") for each in remarks]  # which separates columns
+    return table.assign(stn=[codes.get(own, own) for own in given], remarks=signs)
 
 
 def check_seed(cell: xr.Dataset, seed: int) -> None:

@@ -29,6 +29,7 @@ from cislunar.ephemeris.kernel import EARTH_MOON_BARYCENTER, kernel_path, loaded
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError
 from cislunar.exchange import (
+    GEOMETRIC_DIRECTIONS,
     ades_text,
     aem_text,
     oem_text,
@@ -42,6 +43,7 @@ from cislunar.exchange.inertial import inertial_states
 from cislunar.exchange.tdm import read_tdm, tdm_text
 from cislunar.figures.replay import cell_replay, replay_page
 from cislunar.runtime.netcdf import write_dataset
+from cislunar.study.messages import cell_messages
 from cislunar.tasking.settings import RECORDABLE
 
 CREATED = "2030-01-01T00:00:00"
@@ -105,6 +107,26 @@ def test_observations_point_from_the_observers_to_the_targets(cell, inputs):
         off[0] *= np.cos(sky.lat.rad)
         assert np.all(np.abs(off) < 6.0 * np.array([row["rmsRA"], row["rmsDec"]]))
     assert seen > 5
+
+
+def test_names_of_observers_are_those_of_their_table(inputs, tmp_path):
+    """Two of them share an orbit. ADES has codes only, and the names as remarks."""
+    settings = settings_of_cell({"seeds": 1, "record": ["measurements"]})
+    table = inputs.orbits.assign(name=("orbit", ["my eye", "spare", "F51"]))
+    cell = cell_dataset(CELL, inputs._replace(orbits=table), settings, propagator="dop853", seed=3)
+    names = ["my eye 1", "my eye 2", "F51"]
+    assert cell["observer_name"].values.tolist() == names
+    assert set(cell_observations(cell, inputs.sun)["stn"]) == set(names)
+    assert [each.name for each in cell_observer_arcs(cell, inputs.sun)] == names
+    paths = {ending: tmp_path / f"own{ending}" for ending in (".tdm", ".psv")}
+    for ending, path in paths.items():
+        path.write_text(cell_messages(cell, inputs.sun, ending)[""])
+    assert set(read_tdm(paths[".tdm"])["stn"]) == set(names)
+    found = read_ades(paths[".psv"])
+    assert set(found["stn"]) == {"O001", "O002", "F51"}
+    remarks = found["remarks"][found["stn"] == "O002"]
+    assert set(remarks) == {f"observer my eye 2; {GEOMETRIC_DIRECTIONS}"}
+    assert set(found["remarks"][found["stn"] == "F51"]) == {GEOMETRIC_DIRECTIONS}
 
 
 def test_attitudes_relative_to_the_icrf_agree_with_the_scene(cell, inputs, scene):

@@ -17,6 +17,7 @@ from cislunar.exchange import (
     ades_text,
     observation_dates,
     observation_table,
+    observer_codes,
     read_ades,
     read_tdm,
     tdm_text,
@@ -174,6 +175,11 @@ def test_observations_are_read_back_from_ades(table, tmp_path, context):
     if context:
         assert back["observatory"].tolist() == table["observatory"].tolist()
     assert ades_text(back, context=context) == text
+
+
+def test_codes_of_observers_are_their_names_where_they_can_be():
+    found = observer_codes(["eye", "my eye", "O001", "x", "GÖD"])
+    assert found == {"eye": "eye", "my eye": "O002", "O001": "O001", "x": "O003", "GÖD": "O004"}
 
 
 CONVERT = """

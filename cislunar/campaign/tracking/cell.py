@@ -80,7 +80,8 @@ class Problem(NamedTuple):
     propagation frame (see `cislunar.observation.scene`). `target_ids` are the rows of the targets
     in ``orbits/tracked.nc``; `observer_slot` is the slot of the architecture of each observer, -1
     for observers on the ground, which come last; `forces` are the assumed forces; `sensor` has the
-    telescopes of all observers.
+    telescopes of all observers. `observer_names` are those of a user's table and of stations, and
+    empty without both.
     """
 
     scene: Scene
@@ -91,6 +92,7 @@ class Problem(NamedTuple):
     observer_slot: NDArray[np.int64]
     forces: tuple
     sensor: Sensors
+    observer_names: Sequence[str] = ()
 
 
 class Placement(NamedTuple):
@@ -184,6 +186,7 @@ def cell_problem(
         np.append(slots, np.full(len(settings.stations), -1)),
         forces,
         sensors,
+        _observer_names(orbits, orbit[slots], settings),
     )
 
 
@@ -265,6 +268,22 @@ def _table_maneuvers(
     where = path[np.searchsorted(flown, found.maneuvers.target), :, :3]
     found.require_bound(scene.step_s, where, scene.primaries)
     return found.maneuvers
+
+
+def _observer_names(
+    orbits: xr.Dataset, rows: NDArray[np.int64], settings: CellSettings
+) -> list[str]:
+    """Names of all observers, if the user gave any. Those that share an orbit have a number after
+    its name, and those on orbits of the library have the codes of exports."""
+    if "name" not in orbits and not settings.stations:
+        return []
+    own = orbits["name"].values[rows].astype(str).tolist() if "name" in orbits else None
+    names = own or [f"O{number:03d}" for number in range(1, rows.size + 1)]
+    names += settings.stations
+    return [
+        name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}"
+        for k, name in enumerate(names)
+    ]
 
 
 def _observer_errors(

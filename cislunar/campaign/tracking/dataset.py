@@ -208,6 +208,8 @@ def _dataset(
                            f"row in {orbits_file(cell, inputs.orbits)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
+    if problem.observer_names:
+        coords["observer_name"] = "observer", list(problem.observer_names), "1", "name"
     names = list(loop.estimated_parameters)
     if names:
         units = ["degree h-2" if name.startswith("angular") else "1" for name in names]

@@ -378,8 +378,8 @@ def measured_directions(
 
 
 def observer_names(cell: xr.Dataset) -> list[str]:
-    """Names of observers in messages: those of a study, or numbers with four characters, which no
-    code of an observatory has."""
+    """Names of observers in messages: the user's, or numbers with four characters, which no code of
+    an observatory has."""
     if "observer_name" in cell:
         return cell["observer_name"].values.astype(str).tolist()
     return [f"O{number:03d}" for number in range(1, cell.sizes["observer"] + 1)]
