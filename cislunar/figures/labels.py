@@ -286,6 +286,11 @@ def words(name: str) -> str:
     return re.sub("[_-]+", " ", name) if re.fullmatch(r"[^\W\d][\w-]*", name) else name
 
 
+def plain(name: str) -> str:
+    """A user's name for Matplotlib, which takes what is between two dollar signs for a formula."""
+    return name.replace("$", r"\$")
+
+
 def without_number(architecture: str) -> str:
     """Name of a design without its number of satellites."""
     return re.sub(r"-?\d+$", "", architecture)
@@ -333,13 +338,14 @@ def family_text(family: str) -> str:
 
 
 def target_text(cell: xr.Dataset, index: int) -> str:
-    """Name of a target of a cell: the id in the user's table, else orbit class and identity."""
+    """Name of a target of a cell in figures: the id in the user's table, else orbit class and
+    identity."""
     family, number = str(cell["family"].values[index]), int(cell["target_id"][index])
     if "target_name" in cell:
         name = str(cell["target_name"].values[index])
         if name != f"{family} {number}":
-            return name
-    return f"{family_text(family)} {number}"
+            return plain(name)
+    return f"{plain(family_text(family))} {number}"
 
 
 def observers_text(cell: Cell, data: xr.Dataset, *, architecture: bool = True) -> str:

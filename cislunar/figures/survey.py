@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from cislunar.figures import axes as layout
 from cislunar.figures import panels, style
 from cislunar.figures.axes import Grid
+from cislunar.figures.labels import plain
 from cislunar.figures.panels import PERCENT, Row
 
 _RIGHT, _GAP, _HEAD, _FOOT = 0.12, 0.14, 0.32, 1.15
@@ -56,7 +57,7 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
     places = list(table.groupby(["label", "day"], sort=False).groups)
     moving = _BALLISTIC.curves[0] in set(table["quantity"])
     rows = (*ROWS[:-1], _BALLISTIC if moving else ROWS[-1])
-    names = [f"{label} ({day:g} d)" for label, day in places]
+    names = [f"{plain(label)} ({day:g} d)" for label, day in places]
     left = 0.25 + _LETTER * max(map(len, names), default=0)
     grid = Grid(1, len(rows), _WIDTH_IN, _LINE_IN * (len(places) + 1), left, _FOOT, _GAP)
     width, height = grid.size

@@ -219,6 +219,8 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
     place = _place(what, name)
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise ConfigurationError(f"{what}s: {shown(name)} is no name; give a text, in quotes")
+    if name != name.strip():
+        raise ConfigurationError(f"{what}s: {name!r} begins or ends with a blank; remove it")
     if isinstance(given, OrbitSet):
         return _members(name, given)
     if isinstance(given, str | Path):

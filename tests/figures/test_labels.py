@@ -1,8 +1,10 @@
 """Labels in words: of all that the shipped configurations name, and of what they do not know."""
 
+import numpy as np
 import pytest
 import xarray as xr
 from campaign_folder import read_settings
+from matplotlib.text import Text
 
 from cislunar.figures.labels import (
     ARCHITECTURES,
@@ -11,11 +13,13 @@ from cislunar.figures.labels import (
     architecture_label,
     estimator_label,
     pipeline_label,
+    plain,
     target_text,
     value_label,
     without_number,
     words,
 )
+from cislunar.figures.space.geometry import geometry_figure
 
 
 def test_every_pipeline_of_the_study_has_a_label_of_its_own():
@@ -55,6 +59,23 @@ def test_what_has_no_label_keeps_its_name():
     assert words("0.5") == "0.5"
     own = pipeline_label("mine-12", "batch", "less-noise")
     assert own == "mine, batch estimator, less noise"
+
+
+def test_names_of_a_user_are_no_formulas():
+    """By the words that Matplotlib draws."""
+    name, path = "US$ and A$_1", np.zeros((2, 3))
+    cell = xr.Dataset(
+        {
+            "family": ("target", ["own"]),
+            "target_id": ("target", [0]),
+            "target_name": ("target", [name]),
+        }
+    )
+    own = geometry_figure({name: (path[0] + 0.5, path + 0.5)}, {name: (path[0] + 0.7, path + 0.7)})
+    found = [each.get_text() for each in own.legends[0].get_texts()]
+    for text in (target_text(cell, 0), plain(name), *found[:2]):
+        drawn, formula = Text(text=text)._preprocess_math(text)
+        assert (drawn, formula) == (name, False)
 
 
 def test_targets_of_a_user_keep_their_names():

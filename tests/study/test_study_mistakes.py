@@ -41,6 +41,10 @@ MISTAKES = {
     "a number": (lambda: studied(3), "observers = 3: give a mapping"),
     "a number as name": (lambda: studied({1: EYE["eye"]}), "observers: 1 is no name"),
     "no name": (lambda: studied({"": EYE["eye"]}), "observers: '' is no name"),
+    "a blank at the end": (
+        lambda: studied({"eye ": EYE["eye"]}),
+        "observers: 'eye ' begins or ends with a blank; remove it",
+    ),
     "misspelled family": (lambda: studied({"e": "Halo_L2_Q,period=6.56"}), "did you mean"),
     "no such period": (lambda: studied({"e": "Halo_L2_S,period=600"}), "the family has about"),
     "two members": (lambda: studied({"e": "Halo_L2_S,jacobi=3.05"}), "add member=N"),

@@ -13,7 +13,7 @@ from cislunar.campaign.tracking.sweep_table import plotted_values
 from cislunar.figures import axes as layout
 from cislunar.figures import panels, style
 from cislunar.figures.axes import Array, Grid
-from cislunar.figures.labels import value_label
+from cislunar.figures.labels import plain, value_label
 from cislunar.figures.panels import COUNT, PERCENT, Row
 
 _LEFT, _RIGHT, _GAP = 0.48, 0.12, 0.46
@@ -69,7 +69,7 @@ def _values_of(table: pd.DataFrame) -> _Values:
         # a value of several keys is a scenario named after the one that it changes
         scenarios = set(table["scenario"]) if "scenario" in table else set()
         own = [name.split("-", 1)[-1] if name in scenarios else name for name in names]
-        labels = [fill(value_label(name), _WIDEST_NAME) for name in own]
+        labels = [fill(plain(value_label(name)), _WIDEST_NAME) for name in own]
         return _Values(names, labels, np.arange(float(len(names))), False, False)
     log = numbers.min() > 0.0 and numbers.max() / numbers.min() >= _LOGARITHMIC_FROM
     return _Values(names, names, numbers, bool(log), True)

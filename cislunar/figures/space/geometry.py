@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.figures import style
 from cislunar.figures.axes import Array, legend_below, title_above
+from cislunar.figures.labels import plain
 from cislunar.figures.space import earth_moon
 
 _PLANES = ((0, 1), (0, 2))
@@ -50,10 +51,12 @@ def geometry_figure(
         names = [f"{earth_moon.AXES[k]}, 1000 km" for k in plane]
         axes.set(xlabel=names[0] if row else "", ylabel=names[1])
     handles = [
-        Line2D([], [], color=_COLORS[k % len(_COLORS)], marker="s", markersize=3.5, label=name)
+        Line2D(
+            [], [], color=_COLORS[k % len(_COLORS)], marker="s", markersize=3.5, label=plain(name)
+        )
         for k, name in enumerate(observers)
     ]
-    label = next(iter(targets)) if len(targets) == 1 else f"targets ({len(targets)})"
+    label = plain(next(iter(targets))) if len(targets) == 1 else f"targets ({len(targets)})"
     handles.append(Line2D([], [], color=_TARGET, linewidth=0.6, marker="o", markersize=2.5,
                           label=label))  # fmt: skip
     drawn = space.get_legend_handles_labels()[1]

@@ -70,7 +70,7 @@ def schedule_figure(data: xr.Dataset, observers: Sequence[str]) -> Figure:
     axes.set_xlim(0.0, end / _SECONDS_PER_HOUR)
     axes.set_xlabel("time since the epoch, h")
     handles = [
-        Line2D([], [], color=_COLORS[k % len(_COLORS)], linewidth=3.0, label=name)
+        Line2D([], [], color=_COLORS[k % len(_COLORS)], linewidth=3.0, label=labels.plain(name))
         for k, name in enumerate(observers)
     ]
     layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
@@ -158,7 +158,8 @@ def residuals_figure(
     )
     grid = layout.Grid(3, 1, style.PAGE_WIDTH_IN - 0.95, 1.15, 0.8, 0.75, 0.0, 0.14)
     figure = style.new_figure(grid.foot + grid.size[1] + 0.4)
-    whose = "all targets" if target is None else str(data["target_name"].values[target])
+    own = None if target is None else str(data["target_name"].values[target])
+    whose = "all targets" if own is None else labels.plain(own)
     layout.title_above(figure, f"Measured less estimated values of {whose}")
     for row, (name, label) in enumerate(rows):
         axes = grid.place(figure, row, 0)
@@ -180,7 +181,10 @@ def _points(observer: int, size: float) -> dict:
 
 
 def _observers_legend(figure: Figure, observers: Sequence[str]) -> None:
-    handles = [Line2D([], [], label=name, **_points(k, 3.0)) for k, name in enumerate(observers)]
+    handles = [
+        Line2D([], [], label=labels.plain(name), **_points(k, 3.0))
+        for k, name in enumerate(observers)
+    ]
     layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
 
 
