@@ -18,7 +18,6 @@ Assumptions and limitations
 - Predicted magnitudes lack the dimming by shadows and by the atmosphere.
 """
 
-from math import erf
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +31,7 @@ from cislunar.detection.process import DetectionProcess
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
+from cislunar.elementary import normal_cdf
 from cislunar.estimation.estimator import OrbitEstimates
 from cislunar.estimation.track_arrays import covariance_roots
 from cislunar.estimation.unscented import UNSCENTED_WEIGHTS, sigma_points
@@ -67,14 +67,9 @@ class Expectation(NamedTuple):
 
 
 @njit_noalloc
-def _normal_cdf(x):
-    return 0.5 * (1.0 + erf(x / np.sqrt(2.0)))
-
-
-@njit_noalloc
 def _within(offset, edge, deviation):
     """Probability that a normal variable about `offset` lies within +- edge."""
-    return _normal_cdf((edge - offset) / deviation) - _normal_cdf((-edge - offset) / deviation)
+    return normal_cdf(edge - offset, deviation) - normal_cdf(-edge - offset, deviation)
 
 
 @njit(cache=True, error_model="numpy")
@@ -158,7 +153,7 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
             noise_variance_at(limit, limit.limiting_magnitude, least)
             inside = _within(x, edge, np.sqrt(s11) * np.cos(dec) + 1e-12)
             inside *= _within(y, edge, np.sqrt(s22) + 1e-12)
-            probability = kept * inside * _normal_cdf(margin / np.sqrt(sigma * sigma + least[0]))
+            probability = kept * inside * normal_cdf(margin, np.sqrt(sigma * sigma + least[0]))
             if not probability > _AT_LEAST:
                 continue
             if n_chances == chance.shape[0]:

@@ -187,7 +187,8 @@ def detection_probability(
     size_m2 : array_like, shape (object,)
         Diffuse reflection coefficient times squared radius.
     sigma_mag : array_like, broadcast to the margins
-        Standard deviation of a measured magnitude about that of the sphere, mag.
+        Standard deviation of a measured magnitude about that of the sphere, mag. Without any, an
+        object is detected if it is bright enough.
     loss : float
         Share of detectable objects that an exposure loses.
 
@@ -196,4 +197,6 @@ def detection_probability(
     ndarray, shape (observer, object)
     """
     brighter = np.asarray(margin) + 2.5 * np.log10(np.asarray(size_m2, dtype=float))
-    return (1.0 - loss) * ndtr(brighter / sigma_mag)
+    sigma = np.asarray(sigma_mag, dtype=float)
+    spread = ndtr(brighter / np.where(sigma > 0.0, sigma, 1.0))
+    return (1.0 - loss) * np.where(sigma > 0.0, spread, 0.5 + 0.5 * np.sign(brighter))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.tracks import TrackStatus
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, placed
 from cislunar.estimation.estimator import (
     Abilities,
     Estimator,
@@ -21,7 +21,7 @@ from cislunar.estimation.maneuvers import SEARCHING, RecoveredManeuvers
 from cislunar.evaluation import CharacterizedTargets, CramerRaoBound, characterized_targets
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation import Scene, TargetSurfaces
-from cislunar.runtime import Array
+from cislunar.runtime import Array, array_of
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.histories import ManeuverLog, Outputs
 from cislunar.tasking.initial_conditions import CHARACTERIZATION, stream
@@ -29,6 +29,29 @@ from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.truth import TrueMotion, TruthModel
+
+
+def _checked_truth(truth: TruthModel) -> TruthModel:
+    """The same truth with arrays. ConfigurationError if noise, torque or errors are no finite
+    numbers of the right shape, or the noise is negative; the message names the field."""
+    noise = array_of("truth.noise", truth.noise, (3,))
+    if noise.min() < 0.0:
+        raise ConfigurationError(f"truth.noise = {noise.tolist()}: give no negative deviations")
+    n_targets = truth.surfaces.inertia.shape[0]
+    forced = array_of("truth.angular_acceleration", truth.angular_acceleration)
+    if forced.shape not in ((3,), (n_targets, 3)):
+        raise ConfigurationError(
+            f"truth.angular_acceleration has shape {forced.shape}; give (3,) or ({n_targets}, 3)"
+        )
+    errors, start = truth.observer_errors, truth.start
+    if errors is not None:
+        errors = array_of("truth.observer_errors", errors, ("observer", 6))
+    if start is not None:
+        with placed("truth.start"):
+            start = start.checked()
+    return truth._replace(
+        noise=noise, angular_acceleration=forced, observer_errors=errors, start=start
+    )
 
 
 class SimulationInputs(NamedTuple):
@@ -44,7 +67,8 @@ class SimulationInputs(NamedTuple):
     forces: tuple
 
     def checked(self) -> SimulationInputs:
-        """The same. ConfigurationError if scene, targets and settings disagree."""
+        """The same. ConfigurationError if scene, targets and settings disagree, or the truth is
+        impossible."""
         scene, settings, initial, ids = self.scene, self.settings, self.initial, self.ids
         n_times = scene.sun_position.shape[0]
         if n_times != settings.n_steps + 1 or abs(scene.step_s - settings.step_s) > 1e-9:
@@ -67,7 +91,7 @@ class SimulationInputs(NamedTuple):
             raise ConfigurationError(
                 f"target_ids: {values[times > 1][0]} occurs twice; give each target its own"
             )
-        return self
+        return self._replace(truth=_checked_truth(self.truth))
 
     @property
     def records_maneuvers(self) -> bool:

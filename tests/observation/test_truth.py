@@ -207,6 +207,31 @@ def test_truth_of_another_number_of_targets_is_refused(problem):
         _loop(problem, fewer)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"noise": [0.1, np.nan, 1e-5]}, r"truth\.noise"),
+        ({"noise": [0.1, -1e-5, 1e-5]}, r"truth\.noise = \[0\.1, -1e-05, 1e-05\]: give no neg"),
+        ({"noise": [0.1, 1e-5]}, r"truth\.noise has shape \(2,\)"),
+        ({"angular_acceleration": np.zeros((4, 3))}, r"truth\.angular_acceleration has shape"),
+        ({"angular_acceleration": [0.0, np.inf, 0.0]}, r"truth\.angular_acceleration"),
+        ({"observer_errors": np.full((3, 6), np.nan)}, r"truth\.observer_errors"),
+    ],
+)
+def test_impossible_truth_is_refused_in_a_line(problem, change, message):
+    given = TruthModel(problem[1], BRIGHT.noise, np.zeros(3))._replace(**change)
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        _loop(problem, given)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_the_unit_of_a_truth_is_refused(problem):
+    u = pytest.importorskip("astropy.units")
+    pushed = TruthModel(problem[1], BRIGHT.noise, np.zeros(3) * u.deg / u.h**2)
+    with pytest.raises(ConfigurationError, match=r"truth\.angular_acceleration has the unit"):
+        _loop(problem, pushed)
+
+
 @pytest.mark.parametrize("inertia", [[1.0, 1.0, 3.0], np.ones((4, 3, 3))])
 def test_impossible_inertia_of_targets_is_refused(inertia):
     with pytest.raises(ConfigurationError, match="inertia"):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numba import njit
 from oracles.geometries import geometries
+from scipy.special import erf, ndtr
 
 from cislunar.attitude.quaternion import compose, from_rotation_vector
-from cislunar.elementary import LOWEST_EXPONENT, exponential, sine_and_cosine
+from cislunar.elementary import LOWEST_EXPONENT, exponential, normal_cdf, sine_and_cosine
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
@@ -110,6 +111,17 @@ def _elementary(x, exponentials, sines, cosines):
     for k in range(x.size):
         exponentials[k] = exponential(x[k])
         sines[k], cosines[k] = sine_and_cosine(x[k])
+
+
+def test_the_normal_distribution_against_scipy():
+    """In both tails relative to it, and without a deviation."""
+    x = np.linspace(-37.0, 37.0, 2001)
+    found = np.array([normal_cdf.py_func(each, 0.7) for each in 0.7 * x])
+    np.testing.assert_allclose(found, ndtr(x), rtol=1e-12, atol=0.0)
+    by_erf = 0.5 * (1.0 + erf(x / np.sqrt(2.0)))
+    np.testing.assert_allclose(found, by_erf, rtol=0.0, atol=1e-14)
+    assert [normal_cdf(each, 0.0) for each in (-np.inf, -0.1, 0.0, 0.1)] == [0.0, 0.0, 0.5, 1.0]
+    assert normal_cdf(-30.0, 1.0) == pytest.approx(ndtr(-30.0), rel=1e-13, abs=0.0)
 
 
 def test_elementary_functions_against_extended_precision():

@@ -1,5 +1,6 @@
 """Fields against random directions, views against plain photometry, plans against brute force."""
 
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -103,6 +104,13 @@ def test_the_probability_of_detection_is_the_share_of_noisy_magnitudes():
     kept = (noisy <= 18.0) & (rng.random(100_000) >= 0.02)
     assert chance[0, 0] == pytest.approx(kept.mean(), abs=0.01)
     assert chance[0, 1] == 0.0
+
+
+def test_without_noise_a_detection_is_certain_or_impossible():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chance = detection_probability([[0.3, 0.0, -0.3, -np.inf]], np.ones(4), [[0, 0, 0, 0]], 0.2)
+    assert chance.tolist() == [[0.8, 0.4, 0.0, 0.0]]
 
 
 def test_a_plan_takes_the_best_fields_and_leaves_what_is_left_to_others():

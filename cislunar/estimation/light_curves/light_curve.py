@@ -31,6 +31,7 @@ from cislunar.attitude.parameter_deviations import (
 )
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
+from cislunar.elementary import normal_cdf
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
@@ -65,7 +66,6 @@ OTHER_CAUSES = 1e-3
 bounds the effect of one misjudged row."""
 
 _LOG_SQRT_2PI = 0.5 * math.log(2.0 * math.pi)
-_SQRT_HALF = math.sqrt(0.5)
 
 
 class LightCurveModel(NamedTuple):
@@ -138,7 +138,7 @@ def fainter_than_limit(z):
     noise. It is -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`; the curvature is not below zero.
     """
     density = (1.0 - OTHER_CAUSES) * math.exp(-0.5 * z * z - _LOG_SQRT_2PI)
-    chance = OTHER_CAUSES + (1.0 - OTHER_CAUSES) * 0.5 * math.erfc(-z * _SQRT_HALF)
+    chance = OTHER_CAUSES + (1.0 - OTHER_CAUSES) * normal_cdf(z, 1.0)
     slope = -density / chance
     return -math.log(chance), slope, max(slope * slope + z * density / chance, 0.0)
 

@@ -15,13 +15,13 @@ detection is
 with c < 1 because the assumed brightness of a sphere is not that of the body.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from cislunar.compiled import njit, njit_noalloc
+from cislunar.elementary import normal_cdf
 from cislunar.observation import Scene, SensorLimits, limits_of, sunlit_share_at
 from cislunar.orbit_determination import Angles, OrbitFits, implied_size
 from cislunar.runtime import Array, Indices
@@ -42,8 +42,6 @@ _MARGIN = 3.0
 
 _NEXT = float(np.deg2rad(0.02))
 """Distance within which a detection, besides these standard deviations, may be of the orbit."""
-
-_ROOT2 = math.sqrt(2.0)
 
 
 class FieldHistory(NamedTuple):
@@ -187,7 +185,7 @@ def _log_no_detection(fields, block, seen, paths, orbits, scene, own, out):
             lit = sunlit_share_at(x, y, z, scene.sun_position[k], scene.primaries[k])
             margin += 2.5 * np.log10(lit) + brighter[j]
             for q in range(offset.shape[1]):
-                chance = share * 0.5 * math.erfc(-(margin - offset[j, q]) / (sigma[o] * _ROOT2))
+                chance = share * normal_cdf(margin - offset[j, q], sigma[o])
                 best[j, q, o] = max(best[j, q, o], chance)
     _take_block(best, out)
 
