@@ -69,6 +69,16 @@ def test_greedy_takes_the_best_pair_first():
     assert assign(matrix).information == 18.0
 
 
+@pytest.mark.parametrize("method", ["exact", "greedy", "tpe", "tpe-compiled", "random"])
+def test_negative_information_is_no_information(method):
+    """By the sum, 0.9 and 0 would be better than 1 and -5."""
+    matrix = np.array([[1.0, 0.9], [0.0, -5.0]])
+    found = assign(matrix, method, rng=np.random.default_rng(0))
+    assert (found.target.tolist(), found.information) == ([0, IDLE], 1.0)
+    none = assign(-np.ones((2, 3)), method, rng=np.random.default_rng(0))
+    assert (none.target.tolist(), none.information) == ([IDLE, IDLE], 0.0)
+
+
 def test_searches_spend_their_budget_and_stop_early():
     flat = np.ones((2, 6))  # every tasking is as good as the first: no progress at all
     for method, tried in (("tpe", {10, 11}), ("random", {11})):

@@ -109,6 +109,16 @@ def _estimates(
     )
 
 
+def _steps(spacing_minutes: float, step_s: float) -> int:
+    """Steps between hypothesized times."""
+    steps = 60.0 * spacing_minutes / step_s
+    if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
+        raise ConfigurationError(
+            f"spacing_minutes = {spacing_minutes:g} must be a multiple of the step of {step_s:g} s"
+        )
+    return round(steps)
+
+
 class ManeuverTest:
     """The test of all targets, from interval to interval.
 
@@ -122,13 +132,14 @@ class ManeuverTest:
     process_noise : ProcessNoise, optional
         That of the filter; none if omitted.
     window_hours, spacing_minutes : float
-        Time before the present within which maneuvers are hypothesized, and time between them;
-        multiples of the step.
+        Time before the present within which maneuvers are hypothesized, and time between them,
+        a multiple of the step.
 
     Raises
     ------
     ConfigurationError
-        If a time is not positive, or the spacing is shorter than a step or longer than the window.
+        If a time is not positive, or the spacing is no multiple of the step or longer than the
+        window.
     """
 
     def __init__(
@@ -143,11 +154,10 @@ class ManeuverTest:
     ) -> None:
         window = number_of("window_hours", window_hours, positive=True)
         minutes = number_of("spacing_minutes", spacing_minutes, positive=True)
-        self._spacing = round(60.0 * minutes / scene.step_s)
-        if self._spacing < 1 or minutes > 60.0 * window:
+        self._spacing = _steps(minutes, scene.step_s)
+        if minutes > 60.0 * window:
             raise ConfigurationError(
-                f"spacing_minutes = {minutes:g} must be at least a step of {scene.step_s:g} s and "
-                f"at most window_hours = {window:g}"
+                f"spacing_minutes = {minutes:g} must be at most window_hours = {window:g}"
             )
         self._scene, self._forces = scene, forces
         self._process = noise_of_step(process_noise, scene.step_s)
@@ -285,15 +295,13 @@ def planned_information(
     Raises
     ------
     ConfigurationError
-        If shapes disagree, a value is not finite, or the spacing is shorter than a step.
+        If shapes disagree, a value is not finite, or the spacing is no multiple of the step.
     """
     states = array_of("state", state, ("target", SIZE))
     spread = array_of("covariance", covariance, (states.shape[0], SIZE, SIZE))
     variance = array_of("angle_variance", angle_variance, (schedule.observer.size,))
     minutes = number_of("spacing_minutes", spacing_minutes, positive=True)
-    n_steps, spacing = schedule.offset.shape[1] - 1, round(60.0 * minutes / scene.step_s)
-    if spacing < 1:
-        raise ConfigurationError(f"spacing_minutes = {minutes:g} is shorter than a step")
+    n_steps, spacing = schedule.offset.shape[1] - 1, _steps(minutes, scene.step_s)
     own = _arrays(states.shape[0], n_steps // spacing + 1)
     own[0][:, 0, 3:] = np.eye(3)  # the first hypothesis begins
     n_rows, n_targets = variance.size, states.shape[0]

@@ -215,7 +215,7 @@ def assign(
     Parameters
     ----------
     information : array_like, shape (observer, target)
-        Information of every pair, nats, not negative.
+        Information of every pair, nats; negative values count as none.
     method : {"exact", "tpe", "tpe-compiled", "greedy", "random"}
         `exact` is optimal. `tpe` is the paper's method by Hyperopt, `tpe-compiled` the same
         algorithm by `cislunar.parzen`; `random` evaluates random taskings. These three return the
@@ -238,7 +238,8 @@ def assign(
         If the information is no matrix of finite numbers, the method is unknown, or a method that
         searches has no `rng` or a number of taskings below 1.
     """
-    matrix = np.round(_matrix(information), INFORMATION_DECIMALS)
+    # an observer is rather idle than assigned to a pair of negative value
+    matrix = np.maximum(np.round(_matrix(information), INFORMATION_DECIMALS), 0.0)
     require_choice("method", method, METHODS)
     if method in _DIRECT:
         target, history = _DIRECT[method](matrix), None
