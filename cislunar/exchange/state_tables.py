@@ -3,7 +3,9 @@
 Each row has an object and a time: ``object, object_id, center, frame`` (ICRF), a date in the time
 scale that its column names (ISO 8601; ``epoch_utc``, ``epoch_tai``, ``epoch_tt`` or ``epoch_tdb``),
 position and velocity ``x_km ... vz_km_s``, and, if there are covariances, their lower triangle row
-by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without a covariance.
+by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without a covariance. If
+arcs hold for a part of their states alone, its first and last date are in ``useable_start`` and
+``useable_stop`` with the same ending as the date.
 """
 
 import csv
@@ -25,10 +27,11 @@ from cislunar.exchange.key_values import (
     lower_triangle,
     read_date,
 )
-from cislunar.exchange.oem import Segment, require_segment
+from cislunar.exchange.oem import USEABLE, Segment, require_segment, with_useable_span
 from cislunar.exchange.table_rows import listed, named_rows, row_numbers
 
 _STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
+_USEABLE = ("useable_start", "useable_stop")
 _LABELS = ("object", "object_id", "center")
 _DATES = {f"epoch_{system.lower()}": system for system in TIME_SYSTEMS}
 """Columns of dates, and their time scales."""
@@ -65,10 +68,13 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
     covariance = _COVARIANCE if any(len(each.covariance) for each in given) else ()
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
-    epoch = f"epoch_{time_system.lower()}"
-    table.writerow([*_LABELS, "frame", epoch, *_STATE_COLUMNS, *covariance])
+    ending = f"_{time_system.lower()}"
+    useable = _USEABLE if any(each.useable_tdb_s for each in given) else ()
+    spans = [name + ending for name in useable]
+    table.writerow([*_LABELS, "frame", *spans, f"epoch{ending}", *_STATE_COLUMNS, *covariance])
     for each in given:
-        label = each.name, each.object_id, each.center, FRAMES[0]
+        span = dates(each.useable_tdb_s, time_system) if each.useable_tdb_s else [""] * len(spans)
+        label = each.name, each.object_id, each.center, FRAMES[0], *span
         dated = dates(each.tdb_s, time_system)
         for time, date, state in zip(each.tdb_s, dated, each.state, strict=True):
             at = np.flatnonzero(np.abs(each.covariance_tdb_s - time) <= SAME_TIME_S)
@@ -89,7 +95,7 @@ def read_segments(path: str | Path) -> list[Segment]:
     Returns
     -------
     list of Segment
-        One for each object and center, in the order of the file.
+        One for each object, center and useable span, in the order of the file.
 
     Raises
     ------
@@ -104,19 +110,20 @@ def read_segments(path: str | Path) -> list[Segment]:
     header, rows = named_rows(path, "state", _LABELS[0], columns, remedy=hint)
     epoch, system = _date_column(path, header)
     arcs: dict[tuple[str, ...], list[list[float]]] = {}
+    spans = [name + epoch.removeprefix("epoch") for name in _USEABLE]
     for place, row in rows:
         time = read_date(place, row[epoch], system)
         names = (*_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
         for name, known in (("center", CENTERS), ("frame", FRAMES)):
             if row.get(name, FRAMES[0]) not in known:
                 raise InputFileError(f"{place}: {name} {row[name]!r} is none of {', '.join(known)}")
-        earlier = arcs.setdefault(tuple(row[name] for name in _LABELS), [])
+        earlier = arcs.setdefault(tuple(row.get(name, "") for name in (*_LABELS, *spans)), [])
         if earlier and not time > earlier[-1][0]:
             raise InputFileError(
                 f"{place}: the epoch is not later than the one before; sort the rows"
             )
         earlier.append([time, *row_numbers(place, row, (names, 1.0))])
-    return [_arc(label, rows) for label, rows in arcs.items()]
+    return [_arc(str(path), label, rows, system) for label, rows in arcs.items()]
 
 
 def _date_column(path: str | Path, header: list[str]) -> tuple[str, str]:
@@ -131,8 +138,10 @@ def _date_column(path: str | Path, header: list[str]) -> tuple[str, str]:
     )
 
 
-def _arc(label: tuple[str, ...], rows: list[list[float]]) -> Segment:
+def _arc(path: str, label: tuple[str, ...], rows: list[list[float]], system: str) -> Segment:
     state = np.array([row[:7] for row in rows])
     known = np.array([[row[0], *row[7:]] for row in rows if len(row) > 7]).reshape(-1, 22)
     matrices = np.array([from_lower_triangle(row) for row in known[:, 1:]]).reshape(-1, 6, 6)
-    return Segment(*label, state[:, 0], state[:, 1:], known[:, 0], matrices)
+    found = Segment(*label[:3], state[:, 0], state[:, 1:], known[:, 0], matrices)
+    useable = {key: date for key, date in zip(USEABLE, label[3:], strict=True) if date}
+    return with_useable_span(f"{path}, object {label[0]!r}", found, useable, system)

@@ -61,6 +61,27 @@ def test_a_table_reads_back(segment, tmp_path, system):
     assert table[f"epoch_{system.lower()}"][0] == first
 
 
+@pytest.mark.parametrize("system", ["UTC", "TDB"])
+def test_a_table_keeps_the_useable_spans_of_arcs_of_one_object(segment, tmp_path, system):
+    """The second arc begins before the end of the first one."""
+    times = segment.tdb_s
+    first = segment._replace(useable_tdb_s=(times[1], times[-4]))
+    later = segment._replace(tdb_s=times + 3600.0, covariance_tdb_s=np.empty(0))
+    second = later._replace(covariance=np.empty((0, 6, 6)), useable_tdb_s=(times[-4], times[-2]))
+    whole = segment._replace(name="whole")
+    text = segments_csv([first, second, whole], time_system=system)
+    back = read_segments(file_of(tmp_path, text, "arc.csv"))
+    assert [each.name for each in back] == [segment.name, segment.name, "whole"]
+    for found, given in zip(back[:2], (first, second), strict=True):
+        assert found.useable_tdb_s == pytest.approx(given.useable_tdb_s, abs=1e-6)
+    assert back[2].useable_tdb_s is None
+    assert segments_csv(back, time_system=system) == text
+    wrong = spoil(text, r"EARTH,ICRF,[^,]*", "EARTH,ICRF,2030-01-01T00:00:00")
+    refused(
+        read_segments, file_of(tmp_path, wrong, "own.csv"), "USEABLE_STOP_TIME must be in order"
+    )
+
+
 def test_messages_and_tables_have_the_same_dates_by_default(tmp_path):
     epoch = epoch_at(julian_date("2025-01-03T06:30:00"))
     elapsed = np.arange(0.0, 20.0 * 86_400.0, 3_600.0)
