@@ -8,6 +8,7 @@ tracklets are sought increases in steps, since the covariance of a short arc pre
 tracklets badly.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
+from cislunar.orbit_determination.least_squares import NOT_CONVERGED, OrbitFits, fit_orbits
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
 from cislunar.runtime import Array, Indices
@@ -39,6 +40,10 @@ _SHORT_ARC, _AT_ONCE, _MOST_AT_ONCE = 3, 4, 32
 largest number of tracklets that other orbits take before they are fitted again. The number grows
 to twice that of the last fit that agreed. If a fit with more than the smallest number does not
 agree, the orbit takes the smallest number again; otherwise it rejects the most probable one."""
+
+
+_MANY = 300
+"""Detections of an orbit from which on its fit is a prior of fits to further detections."""
 
 
 class OrbitHypotheses(NamedTuple):
@@ -240,15 +245,66 @@ def extend_orbits(
     """Attribute usable tracklets (tracklet,) to orbits as long as the fits agree with the angles.
     Tracklets are sought within `spans_h` before the first and after the last tracklet of an orbit,
     one span after the other, until it has rejected `_MOST_REJECTED`. Of each `exposure` (row,) an
-    orbit takes one detection at most."""
+    orbit takes one detection at most. A fit to `_MANY` detections is the prior of fits to further
+    ones, and the orbit is fitted to all of them at the end. If this fit does not agree, the orbit
+    is extended by fits to all detections."""
+    given = {"forces": forces, "significance": significance, "exposure": exposure,
+             "spans_h": spans_h, "gate_probability": gate_probability}  # fmt: skip
+    many = np.diff(orbits.fits.begin) >= _MANY
+    fits, members = _extended(angles, tracklets, orbits, usable, many, **given)
+    more = np.flatnonzero(many & [a != b for a, b in zip(members, orbits.tracklets, strict=True)])
+    whole = fit_orbits(
+        angles, [_rows_of(tracklets, members[k]) for k in more], fits.state[more],
+        fits.epoch[more], forces=forces,
+    )  # fmt: skip
+    good = agrees(whole, significance)
+    parts = {k: whole.take([i]) for i, k in enumerate(more.tolist()) if good[i]}
+    again = more[~good]
+    if again.size:
+        own = OrbitHypotheses(orbits.fits.take(again), tuple(orbits.tracklets[k] for k in again))
+        fully, those = _extended(
+            angles, tracklets, own, usable, np.zeros_like(many[again]), **given
+        )
+        for i, k in enumerate(again.tolist()):
+            parts[k], members[k] = fully.take([i]), those[i]
+    each = [parts.get(k, fits.take([k])) for k in range(len(members))]
+    return OrbitHypotheses(concatenate_fits(each, fits), tuple(members))
+
+
+def _rows_of(tracklets: Attributables, members: Iterable[int]) -> Indices:
+    """Detections of tracklets, in order."""
+    return np.unique(np.concatenate([tracklets.detections[t] for t in members]))
+
+
+def _extended(
+    angles: Angles,
+    tracklets: Attributables,
+    orbits: OrbitHypotheses,
+    usable: NDArray[np.bool_],
+    many: NDArray[np.bool_],
+    *,
+    exposure: Indices,
+    forces: tuple,
+    spans_h: tuple[float, ...],
+    gate_probability: float,
+    significance: float,
+) -> tuple[OrbitFits, list[tuple[int, ...]]]:
+    """Orbits with further tracklets, and all tracklets of each. The fits of `many` (orbit,) are to
+    the further detections, with the given fits as priors."""
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
+    priors = fits._replace(
+        status=np.where(many, fits.status, NOT_CONVERGED), begin=np.zeros(n + 1, dtype=np.int64),
+        row=fits.row[:0], position=fits.position[:0],
+    )  # fmt: skip
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
     # no tracklet within these hours is left that the orbit, as it is, might take
     searched, hour = np.full(n, -np.inf), 3600.0 / TIME_UNIT_S
     at_once, own = [_AT_ONCE] * n, np.flatnonzero(usable)
     candidates = tracklets.take(own)
     parts = [fits.take([k]) for k in range(n)]
+    fitted = [set(orbits.tracklets[k]) if many[k] else set() for k in range(n)]
+    taken = [set(exposure[_rows_of(tracklets, each)].tolist()) for each in members]
     active = list(range(n))
     while active:
         now = concatenate_fits([parts[k] for k in active], fits)
@@ -264,34 +320,32 @@ def extend_orbits(
         begins = np.searchsorted(which, np.arange(len(active) + 1))
         trials, rows, later = [], [], []
         for position, k in enumerate(active):
-            rows_of = [tracklets.detections[t] for t in members[k]]
-            used = set(exposure[np.concatenate(rows_of)].tolist())
-            added: list[int] = []
+            used, added = set(taken[k]), []
             most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
             for t in found[begins[position] : begins[position + 1]].tolist():
-                taken = exposure[tracklets.detections[t]].tolist()
-                if t in rejected[k] or used & set(taken):
+                exposed = exposure[tracklets.detections[t]].tolist()
+                if t in rejected[k] or used & set(exposed):
                     continue
                 added.append(t)
-                used.update(taken)
-                rows_of.append(tracklets.detections[t])
+                used.update(exposed)
                 if len(added) == most:
                     break
             if added:
-                trials.append((k, added))
-                rows.append(np.unique(np.concatenate(rows_of)))
+                trials.append((k, added, used))
+                rows.append(_rows_of(tracklets, [*(set(members[k]) - fitted[k]), *added]))
             elif stage[k] + 1 < len(spans_h):
                 searched[k] = spans_h[stage[k]]
                 stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
                 later.append(k)
         if trials:
-            starts = np.array([parts[k].state[0] for k, _ in trials])
-            epochs = np.array([parts[k].epoch[0] for k, _ in trials])
-            joint = fit_orbits(angles, rows, starts, epochs, forces=forces)
+            starts = np.array([parts[k].state[0] for k, *_ in trials])
+            epochs = np.array([parts[k].epoch[0] for k, *_ in trials])
+            prior = priors.take([k for k, *_ in trials])
+            joint = fit_orbits(angles, rows, starts, epochs, forces=forces, prior=prior)
             good = agrees(joint, significance)
-            for number, (k, added) in enumerate(trials):
+            for number, (k, added, used) in enumerate(trials):
                 if good[number]:
-                    parts[k], searched[k] = joint.take([number]), -np.inf
+                    parts[k], searched[k], taken[k] = joint.take([number]), -np.inf, used
                     members[k] = sorted(members[k] + added)  # tracklets are in order of time
                     at_once[k] = min(max(at_once[k], 2 * len(added)), _MOST_AT_ONCE)
                 elif len(added) > _AT_ONCE:
@@ -301,7 +355,7 @@ def extend_orbits(
                 if len(rejected[k]) < _MOST_REJECTED:
                     later.append(k)
         active = sorted(later)
-    return OrbitHypotheses(concatenate_fits(parts, fits), tuple(tuple(each) for each in members))
+    return concatenate_fits(parts, fits), [tuple(each) for each in members]
 
 
 def concatenate_fits(parts: list[OrbitFits], empty: OrbitFits) -> OrbitFits:

@@ -7,6 +7,9 @@ sight, and the normal equations are scaled to a unit diagonal, since angles dete
 well than the direction by many orders of magnitude. The covariance is the inverse of the normal
 matrix at the solution (Tapley, Schutz & Born 2004, Statistical Orbit Determination, section 4.3).
 
+The result of a fit to other directions may be a prior of the state at the epoch: its squared
+normalized distance is added to the squared residuals (Tapley, Schutz & Born 2004, section 4.4).
+
 A residual is the offset of the predicted direction in the plane tangent to the sphere at the
 measured one. Derivatives neglect those of the light time, which are below 1e-4 of the others.
 """
@@ -128,9 +131,11 @@ def _factor(normal, scale, damping, root):
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradient, position):
+def _evaluate(forces, rate, data, rows, prior, state, axes, work, normal, gradient, position):
     """Chi squared of a state; normal matrix and gradient along `axes`. Infinite if the state cannot
-    be propagated or an observer looks away from it."""
+    be propagated or an observer looks away from it. `prior` is the epoch, a state, and a matrix
+    whose product with the distance from this state is standardized."""
+    epoch, center, weight = prior
     time, observer_position, direction, white, drift, delay = data
     elapsed, path, nothing = work
     n = rows.size
@@ -159,6 +164,18 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
     gradient[:] = 0.0
     total = 0.0
     partial, slope = np.empty(3), np.empty(6)
+    for a in range(6):
+        error = 0.0
+        for i in range(6):
+            error += weight[a, i] * (state[i] - center[i])
+            slope[i] = 0.0
+            for c in range(3):
+                slope[i] += weight[a, c + i // 3 * 3] * axes[i % 3, c]
+        for i in range(6):
+            gradient[i] -= slope[i] * error
+            for j in range(i + 1):
+                normal[i, j] += slope[i] * slope[j]
+        total += error * error
     for q in range(n):
         k = first - 1 - q if q < first else q
         row, here = rows[q], path[k]
@@ -195,11 +212,12 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
 
 
 @njit(cache=True, error_model="numpy")
-def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
+def _fit_all(forces, rate, data, begin, row, prior, axes, limits, out):
     """Fit every start in place; see `fit_orbits`. The Cholesky factor of the normal matrix along
     the axes is returned for each fit that has converged."""
     state, factor, chi_squared, status, position = out
     most, abandon_above = limits
+    epoch, center, weight = prior
     longest = 0
     for k in range(epoch.size):
         longest = max(longest, begin[k + 1] - begin[k])
@@ -210,8 +228,9 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
     for k in range(epoch.size):
         rows = row[begin[k] : begin[k + 1]]
         n, now = rows.size, 0
+        known = epoch[k], center[k], weight[k]
         best = _evaluate(
-            forces, rate, data, rows, epoch[k], state[k], axes[k], work, normals[0], gradients[0],
+            forces, rate, data, rows, known, state[k], axes[k], work, normals[0], gradients[0],
             positions[0],
         )  # fmt: skip
         chi_squared[k] = best
@@ -241,7 +260,7 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
                 for m in range(3):
                     trial[c] += axes[k, m, c % 3] * step[m + c // 3 * 3]
             value = _evaluate(
-                forces, rate, data, rows, epoch[k], trial, axes[k], work, normals[1 - now],
+                forces, rate, data, rows, known, trial, axes[k], work, normals[1 - now],
                 gradients[1 - now], positions[1 - now],
             )  # fmt: skip
             if value < best:
@@ -275,6 +294,7 @@ def fit_orbits(
     forces: tuple = EARTH_MOON,
     iterations: int = 40,
     abandon_above: float = np.inf,
+    prior: OrbitFits | None = None,
 ) -> OrbitFits:
     """Fit orbits to sets of directions, each from a start of its own.
 
@@ -282,7 +302,7 @@ def fit_orbits(
     ----------
     angles : Angles
     rows : list of array_like of int
-        Rows of the angles of each fit, at least three, in increasing order.
+        Rows of the angles of each fit in increasing order; at least three without a prior.
     state : array_like, shape (fit, 6)
         Starts, nondimensional, propagation frame.
     epoch : array_like, shape () or (fit,)
@@ -293,6 +313,10 @@ def fit_orbits(
         Largest number of Levenberg-Marquardt iterations of a fit.
     abandon_above : float
         Chi squared above which a fit is abandoned after four iterations.
+    prior : OrbitFits, optional
+        Fits to other rows at the same epochs, one for each fit: their states and covariances are
+        further measurements, and their chi squared and degrees of freedom are added. A prior that
+        has not converged does not count.
 
     Returns
     -------
@@ -302,8 +326,8 @@ def fit_orbits(
     Raises
     ------
     ConfigurationError
-        If a fit has fewer than three rows, rows do not exist or do not increase, shapes disagree,
-        or the force model does not cover the times.
+        If a fit has fewer than three rows and no prior, rows do not exist or do not increase,
+        shapes or epochs disagree, or the force model does not cover the times.
     """
     given = array_of("state", state, finite=False)
     if given.size and given.shape != (6,):
@@ -314,14 +338,19 @@ def fit_orbits(
         raise ConfigurationError(
             f"rows: sets {len(parts)}, states {len(starts)}; give one set of rows for each state"
         )
+    usable = np.zeros(len(starts), dtype=bool) if prior is None else prior.status == CONVERGED
+    if usable.shape != (len(starts),):
+        raise ConfigurationError(f"prior: {usable.size} fits; give one for each state")
     for k, part in enumerate(parts):
-        if part.size < 3:
+        if part.size < 3 - 2 * usable[k]:
             raise ConfigurationError(
                 f"fit {k} has {part.size} directions; six components need at least three"
             )
     times = array_of("epoch", epoch)
     times = np.broadcast_to(times, len(starts)) if times.shape in ((), (1,)) else times
     epochs = array_of("epoch", times, (len(starts),)).copy()
+    if prior is not None and not np.array_equal(epochs[usable], prior.epoch[usable]):
+        raise ConfigurationError("prior: the epochs of the fits differ; give those of the prior")
     begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
     row = indices_of("rows", np.concatenate([np.empty(0), *parts]), angles.time.size)
     increases = np.diff(row) > 0
@@ -348,12 +377,18 @@ def fit_orbits(
         angles.time, angles.observer_position, angles.direction, _whitened(angles, row),
         angles.origin_velocity, float(angles.light_delay),
     )  # fmt: skip
-    factor = np.zeros((n, 6, 6))
+    factor, center, weight = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
+    if prior is not None:
+        center[usable] = prior.state[usable]
+        weight[usable] = np.linalg.inv(prior.root[usable].swapaxes(1, 2))
     _fit_all(
-        forces, frame_rate(forces), data, begin, row, epochs, axes,
+        forces, frame_rate(forces), data, begin, row, (epochs, center, weight), axes,
         (int(iterations), float(abandon_above)),
         (out.state, factor, out.chi_squared, out.status, out.position),
     )  # fmt: skip
+    if prior is not None:
+        out.chi_squared[usable] += prior.chi_squared[usable]
+        out.degrees[usable] += 6 + prior.degrees[usable]
     good = out.status == CONVERGED
     root = np.linalg.inv(factor[good]).reshape(-1, 6, 2, 3) @ axes[good][:, None]
     out.root[good] = root = root.reshape(-1, 6, 6)

@@ -32,7 +32,7 @@ def test_an_orbit_takes_ever_more_tracklets_at_once(intruder, monkeypatch):
     def agrees(fits, significance):
         rows = [set(fits.row[a:b].tolist()) for a, b in pairwise(fits.begin.tolist())]
         sizes.extend(len(each) for each in rows)
-        return judge(fits, significance) & [not each & wrong for each in rows]
+        return judge(fits, significance) & np.array([not each & wrong for each in rows], bool)
 
     monkeypatch.setattr(attribution, "agrees", agrees)
     rows = np.unique(np.concatenate(tracklets.detections[:3]))
@@ -49,6 +49,61 @@ def test_an_orbit_takes_ever_more_tracklets_at_once(intruder, monkeypatch):
     assert set(found.tracklets[0]) <= right and len(lost) <= (0 if intruder is None else 3)
     # four, eight, sixteen, and the rest
     assert intruder is not None or len(sizes) <= 8
+
+
+def test_fits_with_priors_attribute_the_same_tracklets(monkeypatch):
+    angles, origin = night(OBJECTS[:2], np.arange(0.0, 20.0), 0.3, 22)
+    tracklets = attributables(angles, form_tracklets(angles))
+    own = [np.flatnonzero([np.all(origin[rows] == k) for rows in tracklets.detections])
+           for k in range(2)]  # fmt: skip
+    members = tuple(tuple(each[:8].tolist()) for each in own)
+    rows = [np.unique(np.concatenate([tracklets.detections[t] for t in each])) for each in members]
+    start = fit_orbits(angles, rows, OBJECTS[:2], 0.0)
+    found = {}
+    for many in (10**6, 10):
+        monkeypatch.setattr(attribution, "_MANY", many)
+        found[many] = attribution.extend_orbits(
+            angles, tracklets, OrbitHypotheses(start, members),
+            np.ones(tracklets.time.size, dtype=bool), exposure_numbers(angles), forces=EARTH_MOON,
+            spans_h=(3.0, 24.0), gate_probability=0.9999, significance=1e-6,
+        )  # fmt: skip
+    exact, fast = found.values()
+    assert fast.tracklets == exact.tracklets and min(map(len, exact.tracklets)) > 40
+    np.testing.assert_array_equal(fast.fits.row, exact.fits.row)
+    np.testing.assert_allclose(fast.fits.chi_squared, exact.fits.chi_squared, atol=1e-4)
+    sigma = np.sqrt(exact.fits.covariance[:, range(6), range(6)])
+    assert np.abs((fast.fits.state - exact.fits.state) / sigma).max() < 1e-3
+
+
+def test_orbits_whose_last_fit_does_not_agree_are_extended_by_fits_to_all_angles(monkeypatch):
+    angles, _ = night(OBJECTS[:1], np.arange(0.0, 8.0), 0.0, 23)
+    tracklets = attributables(angles, form_tracklets(angles))
+    rows = np.unique(np.concatenate(tracklets.detections[:6]))
+    start = fit_orbits(angles, [rows], OBJECTS[:1], 0.0)
+    judge, fitted = attribution.agrees, []
+
+    def agrees(fits, significance):
+        fitted.append(fits)
+        # the first fit to all angles after those with a prior
+        last = fits.row.size and fits.row[0] == 0 and len(fitted) == first_whole
+        return judge(fits, significance) & (not last)
+
+    monkeypatch.setattr(attribution, "agrees", agrees)
+    monkeypatch.setattr(attribution, "_MANY", 10)
+    given = (
+        angles, tracklets, OrbitHypotheses(start, ((0, 1, 2, 3, 4, 5),)),
+        np.ones(tracklets.time.size, dtype=bool), exposure_numbers(angles),
+    )  # fmt: skip
+    settings = {"forces": EARTH_MOON, "spans_h": (24.0,), "gate_probability": 0.9999,
+                "significance": 1e-6}  # fmt: skip
+    first_whole = 0
+    expected = attribution.extend_orbits(*given, **settings)
+    first_whole, before = len(fitted), len(fitted)
+    fitted.clear()
+    found = attribution.extend_orbits(*given, **settings)
+    assert len(fitted) > before and fitted[before].row[0] == 0
+    assert found.tracklets == expected.tracklets
+    np.testing.assert_array_equal(found.fits.row, expected.fits.row)
 
 
 def test_an_object_may_pass_by_an_observer():

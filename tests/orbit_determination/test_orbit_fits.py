@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from detected_object import HALO, OBSERVERS, paths
-from nights import HOUR, SIGMA
+from nights import HOUR, OBJECTS, SIGMA, night
 from scipy.optimize import least_squares
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
@@ -148,6 +148,39 @@ def test_fits_do_not_depend_on_others_and_report_failures():
         np.zeros(3), np.zeros(3, int), at[[0, 0, 0]], angles.direction[[0, 0, 0]], SIGMA
     )
     assert fit_orbits(same, [np.arange(3)], HALO[None], 0.0).status.tolist() == [SINGULAR]
+
+
+def test_a_prior_counts_as_the_angles_that_it_was_fitted_to():
+    angles, _ = night(OBJECTS[:3], np.arange(0.0, 30.0, 1.5), 0.0, 31)
+    origin = np.arange(angles.time.size) % 3
+    every = [np.flatnonzero(origin == k) for k in range(3)]
+    early = [rows[angles.time[rows] < 20.0 * HOUR] for rows in every]
+    late = [np.setdiff1d(*pair) for pair in zip(every, early, strict=True)]
+    epoch = np.full(3, 20.0 * HOUR)
+    start = np.array([propagate(state, epoch[:1])[0] for state in OBJECTS[:3]])
+    prior = fit_orbits(angles, early, start, epoch)
+    assert prior.status.tolist() == [CONVERGED] * 3
+    # the third has none, and is fitted to all angles
+    prior.status[2] = NOT_PROPAGATED
+    found = fit_orbits(angles, [*late[:2], every[2]], prior.state, epoch, prior=prior)
+    exact = fit_orbits(angles, every, start, epoch)
+    assert found.degrees.tolist() == exact.degrees.tolist()
+    np.testing.assert_allclose(found.chi_squared, exact.chi_squared, atol=1e-3)
+    for k in range(3):
+        sigma = np.sqrt(np.diag(exact.covariance[k]))
+        assert np.abs((found.state[k] - exact.state[k]) / sigma).max() < 1e-3
+        outer = np.outer(sigma, sigma)
+        np.testing.assert_allclose(
+            found.covariance[k] / outer, exact.covariance[k] / outer, atol=1e-3
+        )
+    # one row is enough with a prior
+    assert (
+        fit_orbits(angles, [late[0][:1]], start[:1], epoch[:1], prior=prior.take([0])).status == 0
+    )
+    with pytest.raises(ConfigurationError, match="prior: 3 fits; give one for each state"):
+        fit_orbits(angles, late[:2], start[:2], epoch[:2], prior=prior)
+    with pytest.raises(ConfigurationError, match="prior: the epochs of the fits differ"):
+        fit_orbits(angles, late[:2], start[:2], epoch[:2] + 1.0, prior=prior.take([0, 1]))
 
 
 def test_bad_input_is_refused_in_one_line():

@@ -14,6 +14,7 @@ from cislunar.observation import Sensor, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     LinkingSettings,
+    OrbitFits,
     concatenate_fits,
     fit_orbits,
     make_angles,
@@ -31,7 +32,14 @@ from cislunar.survey.maneuvers import (
     neighbors,
     orbit_paths,
 )
-from cislunar.survey.maneuvers.neighbors import _assigned, _divided, _superfluous, _weak
+from cislunar.survey.maneuvers.neighbors import (
+    _assigned,
+    _divided,
+    _Offsets,
+    _Remembered,
+    _superfluous,
+    _weak,
+)
 
 MINUTES, OBSERVERS = np.arange(0, 241, 10), range(4)
 FIT = partial(fit_orbits, forces=EARTH_MOON)
@@ -156,16 +164,38 @@ def test_an_orbit_beyond_the_gates_of_others_is_kept(group, further):
 def test_the_orbit_without_which_all_others_agree_is_found(group, further):
     angles, owner, _ = group
     exposure = np.arange(owner.size) // 3
-    pool, fit = np.unique(further.row), partial(FIT, angles)
-    divide = partial(
-        _divided, angles=angles, exposure=exposure, pool=pool, fit=fit, forces=EARTH_MOON
-    )
+
+    def dividing(pool):
+        return partial(
+            _divided, angles=angles, exposure=exposure[pool],
+            offsets=_Offsets(angles, pool, EARTH_MOON), fit=partial(FIT, angles), forces=EARTH_MOON,
+        )  # fmt: skip
+
+    divide = dividing(np.unique(further.row))
     found = _superfluous(further, divide(further), divide, 1e-3)
     assert found.tolist() == [False, False, False, True]
     real = further.take([0, 1, 2])
-    pool = np.unique(real.row)
-    divide = partial(divide, pool=pool)
+    divide = dividing(np.unique(real.row))
     assert not np.any(_superfluous(real, real, divide, 1e-3))
+
+
+def test_a_set_of_detections_is_fitted_once(group):
+    angles, owner, truth = group
+    rows = [np.flatnonzero(owner == k) for k in range(3)]
+    fitted_rows = []
+
+    def fit(parts, state, epoch):
+        fitted_rows.extend(parts)
+        return FIT(angles, parts, state, epoch)
+
+    remembered = _Remembered(fit, fitted(angles, [], truth[:0]))
+    for chosen in ([0, 1], [2, 1], []):
+        given = [rows[k] for k in chosen], truth[chosen], np.zeros(len(chosen))
+        found = remembered(*given)
+        exact = FIT(angles, *given)
+        for name in OrbitFits._fields:
+            np.testing.assert_array_equal(getattr(found, name), getattr(exact, name))
+    assert len(fitted_rows) == 3
 
 
 def test_objects_far_from_each_other_are_left_alone():
@@ -181,7 +211,7 @@ def test_each_exposure_has_the_division_of_least_cost(group):
     parts = [np.flatnonzero(owner == k) for k in range(3)]
     fits = fitted(angles, [parts[0], parts[1][::3], parts[2][::7]], truth)
     exposure = np.repeat(np.arange(owner.size // 3), 3)
-    found = _assigned(fits, angles, exposure, np.arange(owner.size), EARTH_MOON)
+    found = _assigned(fits, exposure, _Offsets(angles, np.arange(owner.size), EARTH_MOON))
     state, phi = propagated(fits.state, fits.epoch, angles.time, EARTH_MOON)
     cost = np.empty((owner.size, 3))
     for r, k in np.ndindex(*cost.shape):

@@ -103,7 +103,7 @@ def divided_neighbors(
         detections, is empty. If there is none, the orbit that would not agree keeps the detections
         that it has, which no other orbit takes.
     """
-    exposure = exposure_numbers(angles)
+    exposure, fit = exposure_numbers(angles), _Remembered(fit, fits)
     changed: list[int] = []
     empty: list[int] = []
     parts: list[OrbitFits] = []
@@ -119,8 +119,9 @@ def divided_neighbors(
             before = fits.take(members)
             pool = np.setdiff1d(every, fits.take(kept).row)
             divide = partial(
-                _divided, angles=angles, exposure=exposure, pool=pool, fit=fit, forces=forces
-            )
+                _divided, angles=angles, exposure=exposure[pool],
+                offsets=_Offsets(angles, pool, forces), fit=fit, forces=forces,
+            )  # fmt: skip
             found = divide(before)
             good = agrees(found, significance) | (np.diff(found.begin) < _least_rows(before))
             # an orbit that does not agree would give back the detections that it takes
@@ -235,7 +236,7 @@ def _near_predictions(
     pairs = []
     for k in np.flatnonzero(near.any(axis=0)).tolist():
         rows, others = fits.detections(k), by[near[:, k]]
-        squared, _ = _offsets(fits.take(others), angles, rows, forces)
+        squared, _ = _Offsets(angles, rows, forces)(fits.take(others))
         for i, other in enumerate(others.tolist()):
             alone = ~np.isin(exposure[rows], exposure[fits.detections(other)])
             if np.count_nonzero(squared[alone, i] <= _GATE) >= _LEAST_SHARED:
@@ -247,16 +248,17 @@ def _divided(
     fits: OrbitFits,
     angles: Angles,
     exposure: Indices,
-    pool: Indices,
+    offsets: "_Offsets",
     fit: Callable[[list[Indices], Array, Array], OrbitFits],
     forces: tuple,
 ) -> OrbitFits:
-    """Fits to the division of a pool of detections, with those of too few as they are assigned."""
+    """Fits to the division of the detections of `offsets`, whose exposures are given, with those of
+    too few as they are assigned."""
     n, own = fits.epoch.size, [fits.detections(k) for k in range(fits.epoch.size)]
     least = _least_rows(fits)
     for _ in range(_ROUNDS):
-        owner = _assigned(fits, angles, exposure, pool, forces)
-        before, own = own, [pool[owner == k] for k in range(n)]
+        owner = _assigned(fits, exposure, offsets)
+        before, own = own, [offsets.rows[owner == k] for k in range(n)]
         if all(np.array_equal(*each) for each in zip(before, own, strict=True)):
             break
         other = [k for k in range(n) if not np.array_equal(own[k], before[k])]
@@ -277,20 +279,18 @@ def _divided(
     return fits
 
 
-def _assigned(
-    fits: OrbitFits, angles: Angles, exposure: Indices, pool: Indices, forces: tuple
-) -> Indices:
-    """Orbit (row,) of each detection of the pool, equation (1); -1: none."""
-    squared, log_determinant = _offsets(fits, angles, pool, forces)
+def _assigned(fits: OrbitFits, exposure: Indices, offsets: "_Offsets") -> Indices:
+    """Orbit (row,) of each detection of `offsets` by equation (1); -1: none."""
+    squared, log_determinant = offsets(fits)
     cost = np.where(squared <= _GATE, squared + log_determinant, np.inf)
     number = np.diff(fits.begin)
     cost -= 2.0 * np.log(np.maximum(number, 1))
-    owner = np.full(pool.size, -1, dtype=np.int64)
+    owner = np.full(exposure.size, -1, dtype=np.int64)
     # a cost above all others, at which a detection stays without an orbit
     finite = cost[np.isfinite(cost)]
     none = 1.0 + finite.max(initial=0.0) - finite.min(initial=0.0)
-    order = np.argsort(exposure[pool], kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(exposure[pool][order])) + 1):
+    order = np.argsort(exposure, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(exposure[order])) + 1):
         here = np.minimum(cost[rows] - finite.min(initial=0.0), none)
         for i, k in zip(*linear_sum_assignment(here), strict=True):
             if here[i, k] < none:
@@ -298,23 +298,62 @@ def _assigned(
     return owner
 
 
-def _offsets(fits: OrbitFits, angles: Angles, rows: Indices, forces: tuple) -> tuple[Array, Array]:
-    """Squared normalized offsets nu' S^-1 nu of equation (1) and ln |S|, each (row, orbit);
-    infinite and 0 for an orbit without a prediction."""
-    seen, time = angles.rows(rows), angles.time[rows]
-    moments, at = np.unique(time, return_inverse=True)
-    state, transition = propagated(fits.state, fits.epoch, moments, forces)
-    squared = np.full((rows.size, fits.epoch.size), np.inf)
-    log_determinant = np.zeros_like(squared)
-    for k in range(fits.epoch.size):
-        way = state[k, at, :3] - seen.observer_position
+class _Remembered:
+    """A function that fits orbits, which fits each set of detections from one start once: divisions
+    without one orbit or another one have most fits in common."""
+
+    def __init__(
+        self, fit: Callable[[list[Indices], Array, Array], OrbitFits], like: OrbitFits
+    ) -> None:
+        self._fit, self._empty = fit, like.take([])
+        self._known: dict[tuple[bytes, bytes, float], OrbitFits] = {}
+
+    def __call__(self, rows: list[Indices], state: Array, epoch: Array) -> OrbitFits:
+        keys = [
+            (own.tobytes(), start.tobytes(), float(when))
+            for own, start, when in zip(rows, state, epoch, strict=True)
+        ]
+        new = [k for k, key in enumerate(keys) if key not in self._known]
+        if new:
+            found = self._fit([rows[k] for k in new], state[new], epoch[new])
+            self._known |= {keys[k]: found.take([i]) for i, k in enumerate(new)}
+        return concatenate_fits([self._known[key] for key in keys], self._empty)
+
+
+class _Offsets:
+    """Squared normalized offsets nu' S^-1 nu of equation (1) and ln |S| of detections, (row, orbit)
+    each; infinite and 0 for an orbit without a prediction. Those of an orbit are computed once."""
+
+    def __init__(self, angles: Angles, rows: Indices, forces: tuple) -> None:
+        self.rows, self._seen, self._forces = rows, angles.rows(rows), forces
+        self._time, self._at = np.unique(angles.time[rows], return_inverse=True)
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+
+    def __call__(self, fits: OrbitFits) -> tuple[Array, Array]:
+        columns = np.column_stack([fits.epoch, fits.state, fits.covariance.reshape(-1, 36)])
+        keys = [each.tobytes() for each in columns]
+        new = [k for k, key in enumerate(keys) if key not in self._known]
+        if new:
+            given = fits.state[new], fits.epoch[new]
+            paths = zip(*propagated(*given, self._time, self._forces), strict=True)
+            for k, path in zip(new, paths, strict=True):
+                self._known[keys[k]] = self._column(*path, fits.covariance[k])
+        found = np.empty((2, self._at.size, len(keys)))
+        for k, key in enumerate(keys):
+            found[..., k] = self._known[key]
+        return found[0], found[1]
+
+    def _column(self, state: Array, transition: Array, covariance: Array) -> tuple[Array, Array]:
+        seen, at = self._seen, self._at
+        squared, log_determinant = np.full(at.size, np.inf), np.zeros(at.size)
+        way = state[at, :3] - seen.observer_position
         along = np.sum(way * seen.direction, axis=1)
-        design = seen.basis / along[:, None, None] @ transition[k, at, :3]
+        design = seen.basis / along[:, None, None] @ transition[at, :3]
         offset = np.einsum("nac,nc->na", seen.basis, way) / along[:, None]
-        s = design @ fits.covariance[k] @ design.swapaxes(1, 2) + seen.covariance
+        s = design @ covariance @ design.swapaxes(1, 2) + seen.covariance
         determinant = np.linalg.det(s)
         good = np.isfinite(determinant) & (determinant > 0.0) & (along > 0.0)
         solved = np.linalg.solve(s[good], offset[good, :, None])[..., 0]
-        squared[good, k] = np.sum(offset[good] * solved, axis=1)
-        log_determinant[good, k] = np.log(determinant[good])
-    return squared, log_determinant
+        squared[good] = np.sum(offset[good] * solved, axis=1)
+        log_determinant[good] = np.log(determinant[good])
+        return squared, log_determinant
