@@ -252,20 +252,18 @@ def extend_orbits(
              "spans_h": spans_h, "gate_probability": gate_probability}  # fmt: skip
     many = np.diff(orbits.fits.begin) >= _MANY
     fits, members = _extended(angles, tracklets, orbits, usable, many, **given)
-    more = np.flatnonzero(many & [a != b for a, b in zip(members, orbits.tracklets, strict=True)])
+    more = [k for k in np.flatnonzero(many).tolist() if members[k] != orbits.tracklets[k]]
     whole = fit_orbits(
         angles, [_rows_of(tracklets, members[k]) for k in more], fits.state[more],
         fits.epoch[more], forces=forces,
     )  # fmt: skip
     good = agrees(whole, significance)
-    parts = {k: whole.take([i]) for i, k in enumerate(more.tolist()) if good[i]}
-    again = more[~good]
-    if again.size:
+    parts = {k: whole.take([i]) for i, k in enumerate(more) if good[i]}
+    if again := [k for k in more if k not in parts]:
         own = OrbitHypotheses(orbits.fits.take(again), tuple(orbits.tracklets[k] for k in again))
-        fully, those = _extended(
-            angles, tracklets, own, usable, np.zeros_like(many[again]), **given
-        )
-        for i, k in enumerate(again.tolist()):
+        none = np.zeros(len(again), dtype=bool)
+        fully, those = _extended(angles, tracklets, own, usable, none, **given)
+        for i, k in enumerate(again):
             parts[k], members[k] = fully.take([i]), those[i]
     each = [parts.get(k, fits.take([k])) for k in range(len(members))]
     return OrbitHypotheses(concatenate_fits(each, fits), tuple(members))
@@ -305,24 +303,28 @@ def _extended(
     parts = [fits.take([k]) for k in range(n)]
     fitted = [set(orbits.tracklets[k]) if many[k] else set() for k in range(n)]
     taken = [set(exposure[_rows_of(tracklets, each)].tolist()) for each in members]
+    # of each orbit, as it is, with the most probable ones first; None: to be sought
+    matches: list[list[int] | None] = [None] * n
     active = list(range(n))
     while active:
-        now = concatenate_fits([parts[k] for k in active], fits)
-        ends = np.array([[members[k][0], members[k][-1]] for k in active])
-        first, last = tracklets.time[ends].T
-        span, inner = np.array(spans_h)[stage[active]] * hour, searched[active] * hour
-        which, found, density = tracklet_matches(
-            now, candidates, first - span, last + span, gate_probability, forces=forces,
-            without=(first - inner, last + inner),
-        )  # fmt: skip
-        order = np.lexsort((found, -density, which))
-        which, found = which[order], own[found[order]]
-        begins = np.searchsorted(which, np.arange(len(active) + 1))
+        if sought := [k for k in active if matches[k] is None]:
+            now = concatenate_fits([parts[k] for k in sought], fits)
+            ends = np.array([[members[k][0], members[k][-1]] for k in sought])
+            first, last = tracklets.time[ends].T
+            span, inner = np.array(spans_h)[stage[sought]] * hour, searched[sought] * hour
+            which, found, density = tracklet_matches(
+                now, candidates, first - span, last + span, gate_probability, forces=forces,
+                without=(first - inner, last + inner),
+            )  # fmt: skip
+            order = np.lexsort((found, -density, which))
+            split = np.searchsorted(which[order], np.arange(1, len(sought)))
+            for k, each in zip(sought, np.split(own[found[order]], split), strict=True):
+                matches[k] = each.tolist()
         trials, rows, later = [], [], []
-        for position, k in enumerate(active):
+        for k in active:
             used, added = set(taken[k]), []
             most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
-            for t in found[begins[position] : begins[position + 1]].tolist():
+            for t in matches[k]:
                 exposed = exposure[tracklets.detections[t]].tolist()
                 if t in rejected[k] or used & set(exposed):
                     continue
@@ -335,7 +337,7 @@ def _extended(
                 rows.append(_rows_of(tracklets, [*(set(members[k]) - fitted[k]), *added]))
             elif stage[k] + 1 < len(spans_h):
                 searched[k] = spans_h[stage[k]]
-                stage[k], at_once[k] = stage[k] + 1, _AT_ONCE
+                stage[k], at_once[k], matches[k] = stage[k] + 1, _AT_ONCE, None
                 later.append(k)
         if trials:
             starts = np.array([parts[k].state[0] for k, *_ in trials])
@@ -346,6 +348,7 @@ def _extended(
             for number, (k, added, used) in enumerate(trials):
                 if good[number]:
                     parts[k], searched[k], taken[k] = joint.take([number]), -np.inf, used
+                    matches[k] = None
                     members[k] = sorted(members[k] + added)  # tracklets are in order of time
                     at_once[k] = min(max(at_once[k], 2 * len(added)), _MOST_AT_ONCE)
                 elif len(added) > _AT_ONCE:

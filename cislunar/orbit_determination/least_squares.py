@@ -106,14 +106,6 @@ class OrbitFits(NamedTuple):
         )
 
 
-def _whitened(angles: Angles, rows: Indices) -> Array:
-    """Vectors (row, 2, 3) whose products with an offset over the range are standardized errors; of
-    the given rows."""
-    out, used = np.zeros(angles.basis.shape), np.unique(rows)
-    out[used] = np.linalg.solve(np.linalg.cholesky(angles.covariance[used]), angles.basis[used])
-    return out
-
-
 @njit_noalloc
 def _factor(normal, scale, damping, root):
     """Cholesky factor of a normal matrix that is scaled to a unit diagonal, with damping added to
@@ -373,16 +365,20 @@ def fit_orbits(
     require_span(forces, lowest, max(epochs.max(), angles.time[row].max()))
     first = row[begin[:-1]]
     axes = np.concatenate([angles.direction[first][:, None], angles.basis[first]], axis=1)
+    used, at = np.unique(row, return_inverse=True)
+    own = angles.rows(used)
+    # products of these vectors with an offset over the range are standardized errors
+    white = np.linalg.solve(np.linalg.cholesky(own.covariance), own.basis)
     data = (
-        angles.time, angles.observer_position, angles.direction, _whitened(angles, row),
-        angles.origin_velocity, float(angles.light_delay),
+        own.time, own.observer_position, own.direction, white, own.origin_velocity,
+        float(angles.light_delay),
     )  # fmt: skip
     factor, center, weight = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
     if prior is not None:
         center[usable] = prior.state[usable]
         weight[usable] = np.linalg.inv(prior.root[usable].swapaxes(1, 2))
     _fit_all(
-        forces, frame_rate(forces), data, begin, row, (epochs, center, weight), axes,
+        forces, frame_rate(forces), data, begin, at, (epochs, center, weight), axes,
         (int(iterations), float(abandon_above)),
         (out.state, factor, out.chi_squared, out.status, out.position),
     )  # fmt: skip

@@ -67,6 +67,12 @@ def test_fits_with_priors_attribute_the_same_tracklets(monkeypatch):
             np.ones(tracklets.time.size, dtype=bool), exposure_numbers(angles), forces=EARTH_MOON,
             spans_h=(3.0, 24.0), gate_probability=0.9999, significance=1e-6,
         )  # fmt: skip
+    none = attribution.extend_orbits(
+        angles, tracklets, OrbitHypotheses(start.take([]), ()), np.ones(0, dtype=bool),
+        exposure_numbers(angles), forces=EARTH_MOON, spans_h=(3.0,), gate_probability=0.99,
+        significance=1e-6,
+    )  # fmt: skip
+    assert none.tracklets == ()
     exact, fast = found.values()
     assert fast.tracklets == exact.tracklets and min(map(len, exact.tracklets)) > 40
     np.testing.assert_array_equal(fast.fits.row, exact.fits.row)
