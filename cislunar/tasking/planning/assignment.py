@@ -238,7 +238,7 @@ def assign(
         If the information is no matrix of finite numbers, the method is unknown, or a method that
         searches has no `rng` or a number of taskings below 1.
     """
-    # an observer is rather idle than assigned to a pair of negative value
+    # an idle observer is better than a pair of negative value
     matrix = np.maximum(np.round(_matrix(information), INFORMATION_DECIMALS), 0.0)
     require_choice("method", method, METHODS)
     if method in _DIRECT:
