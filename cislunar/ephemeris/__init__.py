@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "bodies": ["BODY_COLUMNS", "BodyTable", "GM_EARTH", "GM_MOON", "GM_SUN", "NODE_SPACING_S",
         "cubic", "hermite", "moon_axes", "read_table", "require_within", "tabulate_bodies"],
-    "kernel": ["DEFAULT_KERNEL"],
+    "kernel": ["DEFAULT_KERNEL", "PACKAGED", "kernel_path"],
     "sampling": ["SunMoonEphemeris", "check_coverage", "interpolate_sun", "rotating_frame",
         "sample_ephemeris"],
     "time_scales": ["J2000_JD", "TIME_SYSTEMS", "clock_seconds", "clock_text", "clock_to_tdb",

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "objects": ["StudyObject", "read_objects"],
     "placement": ["place_objects"],
     "results": ["StudyResult"],
-    "settings": ["StudySettings", "study_settings"],
+    "settings": ["StudySettings", "study_files", "study_settings"],
     "study": ["Study"],
     "study_file": ["read_study", "write_study"],
 })

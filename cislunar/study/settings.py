@@ -5,12 +5,15 @@ explains. A study states what differs from the defaults.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args
 
+from cislunar.campaign.settings.cell_settings import cell_files, cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
-from cislunar.campaign.settings.reading import merged, typed, with_types
+from cislunar.campaign.settings.reading import merged, read_yaml, typed, with_types
 from cislunar.campaign.settings.tree import Date, EphemerisSettings
 from cislunar.constants import EPOCH_JD
+from cislunar.ephemeris.kernel import PACKAGED, kernel_path
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import InitialSigma
 from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
@@ -88,6 +91,41 @@ def study_settings(given: Mapping[str, Any]) -> StudySettings:
     record = list(dict.fromkeys([*RECORDABLE[:4], *chosen.record]))
     histories = list(dict.fromkeys(["errors", *chosen.histories]))
     return chosen.model_copy(update={"record": record, "histories": histories})
+
+
+def study_files(path: str | Path) -> list[str]:
+    """Files on which the results of a study depend.
+
+    Parameters
+    ----------
+    path : str or Path
+        A study in YAML that `cislunar.study.read_study` accepts.
+
+    Returns
+    -------
+    list of str
+        The study itself, and the tables, messages, observations, kernel and meshes that it names,
+        as it names them.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If a file or a setting cannot be read.
+    """
+    given = read_yaml(path, "a study")
+    own = study_settings({k: v for k, v in given.items() if k in StudySettings.model_fields})
+    found = [str(path)]
+    for objects in (given["observers"], given["targets"]):
+        several = objects.values() if isinstance(objects, Mapping) else objects
+        for each in [several] if isinstance(several, str) else several:
+            # other texts are orbits by name
+            if isinstance(each, str) and Path(each).suffix.lower() in (".csv", ".oem"):
+                found.append(each)
+            elif isinstance(each, Mapping) and "oem" in each:
+                found.append(each["oem"])
+    found += [given["observations"]] if given.get("observations") else []
+    found += [] if own.kernel in PACKAGED else [str(kernel_path(own.kernel))]
+    return list(dict.fromkeys([*found, *cell_files(cell_settings(own.model_dump()))]))
 
 
 def _written(given: Any, model: type[Section] | None, place: str = "") -> Any:

@@ -1,32 +1,13 @@
 """Studies in YAML files: the arguments of `cislunar.Study`, and the files of results."""
 
 from pathlib import Path
-from typing import Any
 
-import yaml
-
+from cislunar.campaign.settings.reading import read_yaml
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import read_text
 from cislunar.figures.style import save_figure
 from cislunar.runtime.netcdf import write_dataset, write_text
 from cislunar.study.results import StudyResult
 from cislunar.study.study import Study
-
-
-class _Loader(yaml.SafeLoader):
-    """Refuses keys that occur twice, of which YAML would keep one, and leaves dates as text."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        earlier = set()
-        for key, _ in node.value:
-            if (name := str(key.value)) in earlier:
-                line = key.start_mark.line + 1
-                raise ConfigurationError(f"line {line}: {name} occurs twice; rename one")
-            earlier.add(name)
-        return super().construct_mapping(node, deep)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_scalar)
 
 
 def read_study(path: str | Path) -> Study:
@@ -47,17 +28,7 @@ def read_study(path: str | Path) -> Study:
     ConfigurationError, InputFileError
         If `path` is not a path or the file cannot be read, or for the reasons of `cislunar.Study`.
     """
-    text = read_text(path, "a study in YAML")
-    try:
-        given: Any = yaml.load(text, _Loader)
-    except yaml.YAMLError as error:
-        raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
-    except ConfigurationError as error:
-        raise InputFileError(f"{path}, {error}") from error
-    if not isinstance(given, dict):
-        raise ConfigurationError(
-            f"{path}: a study is a mapping with the keys observers, targets and settings"
-        )
+    given = read_yaml(path, "a study")
     wrong = [key for key in given if not isinstance(key, str)]
     if wrong:
         raise ConfigurationError(f"{path}: the key {wrong[0]!r} is no text; write it in quotes")

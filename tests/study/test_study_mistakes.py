@@ -8,12 +8,13 @@ import pydoc
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import cislunar as cs
 from cislunar.command.main import cislunar
 from cislunar.errors import CislunarError, ConfigurationError
-from cislunar.study.settings import StudySettings
+from cislunar.study.settings import StudySettings, study_files
 
 EYE, OBSERVER = {"eye": "Halo_L2_S,period=6.56"}, {"family": "Halo_L2_S", "period_days": 6.56}
 TARGET = {"a": "Lyap_L2,period=15"}
@@ -253,6 +254,26 @@ def test_a_mistake_in_a_file_is_one_line(tmp_path, text, words):
     lines = done.output.strip().splitlines()
     assert len(lines) == 1 and lines[0].startswith("error: ") and words in lines[0]
     assert not (tmp_path / "study").exists()
+
+
+def test_a_study_lists_the_files_that_it_names(tmp_path):
+    (tmp_path / "bodies.csv").write_text("target,shape\na,bus.stl\n")
+    (tmp_path / "own.bsp").touch()
+    given = {
+        "observers": {"e": "Halo_L2_S,period=6.56", "f": "f.oem", "g": {"oem": "g.txt"}},
+        "targets": "targets.csv",
+        "observations": "seen.psv",
+        "kernel": str(tmp_path / "own.bsp"),
+        "body": {"shape": "hull.obj", "table": str(tmp_path / "bodies.csv")},
+        "epoch": "2027-03-01",
+    }
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump(given))
+    named = {"f.oem", "g.txt", "targets.csv", "seen.psv", "hull.obj", "bus.stl"}
+    inside = {str(tmp_path / name) for name in ("own.yaml", "own.bsp", "bodies.csv")}
+    assert {*study_files(path)} == named | inside
+    path.write_text(yaml.safe_dump(given | {"observers": ["f.oem"], "kernel": "de421"}))
+    assert {*study_files(path)} == (named | inside) - {"g.txt", str(tmp_path / "own.bsp")}
 
 
 @pytest.mark.parametrize("option", [["--seeds", "0"], ["--seeds", "x"], ["--unknown"], []])

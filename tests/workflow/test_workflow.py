@@ -238,6 +238,35 @@ def test_bad_input_changes_no_result(finished):
     assert "Nothing to be done" in output
 
 
+STUDY = {"observers": {"eye": "Halo_L2_S,period=6.56"}, "targets": "targets.csv"}
+
+
+def test_a_faulty_study_is_refused_before_its_results_are_removed(tmp_path):
+    folder = copy_workflow(tmp_path)
+    own = folder / "config/studies/own.yaml"
+    table = folder / "targets.csv"
+    table.write_text("id,x,y,z,vx,vy,vz\na,1.1,0,0,0,0.1,0\n", encoding="utf-8")
+    made = [folder / f"results/studies/own/{name}" for name in ("study.nc", "summary.csv")]
+    made.append(made[0].with_name("estimates.oem"))
+    asked = "--rerun-triggers", "mtime", "--cores", "1", "--", "results/studies/own/summary.csv"
+    # the first result needs the study to be faultless
+    own.write_text(yaml.safe_dump(STUDY), encoding="utf-8")
+    made[0].parent.mkdir(parents=True)
+    for path in made:
+        path.touch()
+    output, code = snakemake(folder, "--dry-run", *asked)
+    assert code == 0 and "Nothing to be done" in output, output
+    table.touch()
+    output, code = snakemake(folder, "--dry-run", *asked)
+    assert code == 0 and "updated input files: targets.csv" in output.lower(), output
+    own.write_text(yaml.safe_dump(STUDY | {"durations": 3}), encoding="utf-8")
+    output, code = snakemake(folder, *asked)
+    assert code == 1
+    assert "error: config/studies/own.yaml: unknown setting 'durations'" in output
+    assert "Traceback" not in output and "rule study" not in output
+    assert all(path.exists() for path in made)
+
+
 def test_lint(fresh):
     output, code = snakemake(fresh, "--lint")
     assert code == 0, output

@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "library": ["estimator_factory", "family_extent", "loop_settings",
         "nominal_surfaces", "observation_settings", "target_names", "truth_model"],
     "preflight": ["check_inputs", "check_orbits", "check_request", "crowded_objectives"],
-    "reading": ["merged", "typed", "with_types"],
+    "reading": ["merged", "read_yaml", "typed", "with_types"],
     "scenarios": ["in_study", "information_of", "longest_horizon", "orbits_of", "scenario_settings",
         "shared_dataset", "tracked_count", "tracked_epoch"],
     "schema": ["SCHEMA_FILE", "schema_text", "stated_keys"],

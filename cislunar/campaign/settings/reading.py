@@ -1,13 +1,15 @@
 """Reading a configuration: texts become typed values, and a line names the key of each fault."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
 
 from cislunar.campaign.settings.tree import Campaign
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.key_values import read_text
 from cislunar.runtime import Section, faults, inner, schema_of, types, unreadable
 
 Part = TypeVar("Part", bound=Section)
@@ -26,6 +28,39 @@ RENAMED = {
     "unknowns": "estimated_parameters",
 }
 """Former names, of version 0.1, of keys and of the value of `dynamics.unrefined`."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses keys that occur twice, of which YAML would keep one, and leaves dates as text."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        earlier = set()
+        for key, _ in node.value:
+            if (name := str(key.value)) in earlier:
+                line = key.start_mark.line + 1
+                raise ConfigurationError(f"line {line}: {name} occurs twice; rename one")
+            earlier.add(name)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_scalar)
+
+
+def read_yaml(path: str | Path, what: str) -> dict[Any, Any]:
+    """The mapping in a YAML file, which is `what` for messages, such as "a study".
+
+    An `InputFileError` names the file, and the line of a key that occurs twice.
+    """
+    text = read_text(path, what)
+    try:
+        given: Any = yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
+    except ConfigurationError as error:
+        raise InputFileError(f"{path}, {error}") from error
+    if not isinstance(given, dict):
+        raise InputFileError(f"{path}: {what} is a mapping; write lines of the form key: value")
+    return given
 
 
 def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
