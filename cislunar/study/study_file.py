@@ -6,6 +6,7 @@ from cislunar.campaign.settings.reading import read_yaml
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.figures.style import save_figure
 from cislunar.runtime.netcdf import write_dataset, write_text
+from cislunar.runtime.progress import logger, shown
 from cislunar.study.results import StudyResult
 from cislunar.study.study import Study
 
@@ -50,8 +51,9 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     result : StudyResult
     folder : str or Path
         Folder of the files, created if missing: ``study.nc`` (the data set of a cell),
-        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm``, figures, and
-        ``ephemeris/sun.nc`` (epoch and axes), with which ``cislunar export`` makes other formats.
+        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm`` (none, with a
+        warning, if nothing was measured), figures, and ``ephemeris/sun.nc`` (epoch and axes), with
+        which ``cislunar export`` makes other formats.
 
     Returns
     -------
@@ -68,8 +70,15 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     write_dataset(result.cell, paths[0])
     write_dataset(result.sun, paths[-1])
     write_text(result.summary().to_csv(lineterminator="\n"), paths[1])
-    for write, path in zip((result.to_oem, result.to_csv, result.to_tdm), paths[2:-1], strict=True):
-        write(path)
+    result.to_oem(paths[2])
+    result.to_csv(paths[3])
+    if result.study.observations is None and result.observations().empty:
+        empty = paths.pop(4)
+        empty.unlink(missing_ok=True)  # that of an earlier run
+        with shown():
+            logger.warning("warning: %s is not written: nothing was measured", empty)
+    else:
+        result.to_tdm(paths[4])
     for kind in result.plots:
         both = [Path(folder, f"{kind}.{ending}") for ending in ("png", "pdf")]
         save_figure(result.plot(kind), *both)

@@ -1,5 +1,7 @@
 """A study gives what the closed loop gives, and keeps names, order, units and dates."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -19,6 +21,7 @@ from cislunar.exchange.state_tables import read_segments
 from cislunar.exchange.tdm import read_tdm
 from cislunar.figures.replay import cell_replay
 from cislunar.photometry.materials import Material
+from cislunar.study.results import StudyResult
 from cislunar.study.study_file import read_study, write_study
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.settings import LoopSettings
@@ -160,6 +163,22 @@ def test_a_file_gives_the_same_results(result, tmp_path):
         assert (found.name, found.object_id) == (own.name, own.object_id)
         np.testing.assert_array_equal(found.quaternion, own.quaternion)
         np.testing.assert_array_equal(found.tdb_s, own.tdb_s)
+
+
+def test_a_study_in_which_nothing_is_seen_has_results(tmp_path):
+    blind = SETTINGS | {"sensor": {"limiting_magnitude": 3}, "duration_hours": 1}
+    given = {"observers": OBSERVERS, "targets": {"alpha": TARGETS["alpha"]}, "epoch": EPOCH}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(given | blind))
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/observations.tdm").touch()  # of an earlier run
+    done = CliRunner().invoke(cislunar, ["study", str(tmp_path / "own.yaml")])
+    assert done.exit_code == 0, done.output
+    assert "observations.tdm is not written: nothing was measured" in done.output
+    assert re.search(r"^alpha +Lyap_L2 .* 0\.0 ", done.output, flags=re.MULTILINE)
+    written = {each.name for each in (tmp_path / "own").iterdir()}
+    drawn = {f"{kind}.{end}" for kind in StudyResult.plots for end in ("png", "pdf")}
+    tables = {"study.nc", "summary.csv", "estimates.oem", "estimates.csv", "ephemeris"}
+    assert written == drawn | tables
 
 
 def test_an_observer_has_its_own_sensor():
