@@ -2,10 +2,14 @@
 
 Snakemake judges a result by its date alone and does not notice a file that was truncated by hand,
 by a copy or by a faulty disk. ``cislunar verify`` reads every result to its end and lists those
-that cannot be used; with ``--delete`` it removes them.
+that cannot be used. With ``--delete`` it removes those that a rule of the workflow has made, as
+Snakemake has recorded in the working folder or in a folder above the file. Other files are a
+user's own, or results that no rule makes again.
 """
 
+import os
 import time
+from base64 import urlsafe_b64encode
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -73,8 +77,22 @@ def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
 def _leftovers(folder: str | Path) -> list[Path]:
     """Temporary files of jobs that were killed while writing, unchanged for ten minutes."""
     now = time.time()
-    found = Path(folder).rglob(f".*{_REMAINDER}")
+    found = Path(folder).rglob(f".*.[0-9]*{_REMAINDER}")  # with the number of the process
     return sorted(path for path in found if now - path.stat().st_mtime > _WRITING_S)
+
+
+def _recorded(path: Path) -> bool:
+    """Whether Snakemake has recorded that a rule has made a file; its record has the encoded name
+    of the file, in pieces that the file system allows."""
+    path = path.absolute()
+    for folder in (Path.cwd(), *path.parents):
+        for name in (str(path), os.path.relpath(path, folder)):
+            text = urlsafe_b64encode(name.encode()).decode()
+            *begin, end = (text[k : k + 254] for k in range(0, len(text), 254))
+            record = Path(folder, ".snakemake/metadata", *(f"@{each}" for each in begin), end)
+            if record.is_file():
+                return True
+    return False
 
 
 def check_results(folder: str | Path, *, delete: bool = False) -> bool:
@@ -85,7 +103,8 @@ def check_results(folder: str | Path, *, delete: bool = False) -> bool:
     folder : str or Path
         Results folder of a campaign.
     delete : bool
-        Whether these files are deleted.
+        Whether these files are deleted, except damaged files of which Snakemake has no record that
+        a rule has made them.
 
     Returns
     -------
@@ -102,18 +121,23 @@ def check_results(folder: str | Path, *, delete: bool = False) -> bool:
         print(f"{path}: {reason}")
     for path in remains:
         print(f"{path}: left by a job that was killed while it wrote")
+    made = [path for path, _ in damaged if _recorded(path)]
     if delete:
-        for path in [*(path for path, _ in damaged), *remains]:
+        for path in [*made, *remains]:
             path.unlink(missing_ok=True)
-    print(_summary(damaged, delete))
+    for line in _summary(damaged, made, delete):
+        print(line)
     return not damaged
 
 
-def _summary(damaged: list[tuple[Path, str]], deleted: bool) -> str:
+def _summary(damaged: list[tuple[Path, str]], made: list[Path], deleted: bool) -> Iterator[str]:
+    """Lines on what to do; `made` are the damaged results that a rule has made."""
     if not damaged:
-        return "every result can be used"
-    names = " ".join(str(path) for path, _ in damaged)
-    if deleted:
+        yield "every result can be used"
+    elif made and deleted:
         options = "with --configfile or --config as before"
-        return f"removed; make anew, {options}: snakemake --cores 2 -- {names}"
-    return "damaged; remove them with --delete, then make them anew with snakemake"
+        yield f"removed; make anew, {options}: snakemake --cores 2 -- {' '.join(map(str, made))}"
+    elif made:
+        yield "damaged; remove them with --delete, then make them anew with snakemake"
+    for path in sorted({path for path, _ in damaged} - {*made}):
+        yield f"{path}: not removed by --delete, since no rule made it; correct or remove it"

@@ -200,11 +200,13 @@ def report(
 
 @click.command(cls=Command)
 @click.argument("folder", default="results")
-@click.option("--delete", is_flag=True, help="Delete damaged results.")
+@click.option("--delete", is_flag=True, help="Delete damaged results that a rule has made.")
 def verify(folder: str, delete: bool) -> int:
     """List damaged results.
 
-    Every result is read to its end; the exit code is 1 if one cannot be used.
+    Every result is read to its end; the exit code is 1 if one cannot be used. With --delete, files
+    are removed that Snakemake has recorded as made by a rule, and what killed jobs have left; other
+    files are yours and stay.
 
     \b
     Example:

@@ -6,12 +6,14 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 import numpy as np
 import pytest
 from campaign_folder import QUICK, ROOT, run
 from click.testing import CliRunner
+from snakemake.persistence.file import FilePersistence
 
 import cislunar as package
 from cislunar.command.base import FAILED
@@ -318,6 +320,29 @@ def test_damaged_results_are_named(tmp_path):
     (tmp_path / "cut.csv").write_text("a\n1")
     done = call("verify", tmp_path)
     assert done.exit_code == 1 and "cut.csv" in done.stdout and "whole.csv" not in done.stdout
+
+
+@pytest.mark.parametrize("name", ["cut.csv", "long" * 50 + ".csv"])
+def test_only_files_that_snakemake_has_made_are_deleted(tmp_path, monkeypatch, name):
+    """By the records of Snakemake's own class, for relative and absolute names."""
+    monkeypatch.chdir(tmp_path)
+    paths = [Path("results", each) for each in (name, "whole.csv", "own.csv", "own.pdf", "a.nc")]
+    paths[0].parent.mkdir()
+    for path in paths:
+        path.write_text("a\n1\n" if path.stem == "whole" else "a\n1")
+    records = FilePersistence(dag=None, warn_only=True)
+    for key in (paths[0], paths[1], paths[4].absolute()):
+        records._io_write(records._metadata_path, {"rule": "a"}, str(key))
+    monkeypatch.chdir("/")
+    assert call("verify", tmp_path / "results").exit_code == 1
+    assert all((tmp_path / path).exists() for path in paths)
+    done = call("verify", tmp_path / "results", "--delete")
+    assert done.exit_code == 1
+    assert [path.name for path in paths if (tmp_path / path).exists()] == [
+        *("whole.csv", "own.csv", "own.pdf"),
+    ]
+    for path in paths[2:4]:
+        assert f"{tmp_path / path}: not removed by --delete, since no rule made it" in done.stdout
 
 
 @pytest.mark.workflow

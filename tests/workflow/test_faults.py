@@ -230,16 +230,21 @@ def test_truncated_result(campaign, undisturbed):
     leftover = damaged.with_name(f".{OTHER}.1.part".replace("/", "-"))
     leftover.write_bytes(b"half")
     os.utime(leftover, (1.0, 1.0))
+    own = damaged.with_name("notes.csv")
+    own.write_text("no line break", encoding="utf-8")
     before = campaign.stamps()
     listed, code = campaign.verify()
     assert code == 1
     assert f"{damaged}: cannot be read" in listed
+    assert f"{own}: not removed by --delete, since no rule made it" in listed
     assert f"{leftover}: left by a job" in listed
     assert_kept(campaign, before)
     removed, _ = campaign.verify("--delete")
-    assert f"as before: snakemake --cores 2 -- {damaged}" in removed
+    assert f"as before: snakemake --cores 2 -- {damaged}\n" in removed
+    assert f"{own}: not removed" in removed
     assert not leftover.exists()
     assert_kept(campaign, before, SMALL, str(leftover.relative_to(campaign.results)))
+    own.unlink()
     resumed(campaign, *ALL)
     assert campaign.verify() == ("every result can be used\n", 0)
     assert_same(campaign, undisturbed)
