@@ -8,6 +8,9 @@ min_version("9.0")
 report: "workflow/report/start.rst"
 
 
+include: "workflow/rules/config_files.smk"
+
+
 configfile: "config/config.yaml"
 configfile: "config/variants.yaml"
 

@@ -36,6 +36,8 @@ def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
     ------
     ConfigurationError
         If there is no Snakefile, a file of settings is missing, or Snakemake is not installed.
+    InputFileError
+        If a file of settings is no YAML, no mapping, or has a key twice.
     """
     folder = Path(directory)
     if not (folder / "Snakefile").is_file():
@@ -44,7 +46,11 @@ def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
             "repository, which the wheel does not contain: go there, or give --directory FOLDER"
         )
     for name in configfiles:
+        from cislunar.campaign.settings import read_yaml
+
         _require(folder / name, "--configfile", "file")
+        # Snakemake reads it before the Snakefile, and its errors do not name the file
+        read_yaml(folder / name, "a file of settings")
     if find_spec("snakemake") is None:
         raise ConfigurationError(
             "Snakemake is not installed: pip install -r environment.txt in the repository"

@@ -286,6 +286,10 @@ def test_hostile_shape(tmp_path, content, ending):
     [
         ("task2: [1", "Config file is not valid JSON or YAML"),
         ("- 1", "Config file must be given as JSON or YAML with keys"),
+        (
+            "seed: 2\ntask2: {}\nseed: 3",
+            "error: hostile.yaml, line 3: seed occurs twice; rename one",
+        ),
         ("task2: 3", "configuration key 'task2' = 3: must be a mapping"),
         ("scenarios: {1: {targets: 5}}", "unknown configuration key 1 in 'scenarios'"),
         ("visibility: {limiting_magnitude: .nan}", "'visibility.limiting_magnitude' = nan"),

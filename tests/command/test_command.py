@@ -266,6 +266,25 @@ def test_an_error_is_one_line(line, message):
     assert message in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", ": a file of settings is a mapping"),
+        (b"- a", ": a file of settings is a mapping"),
+        (b"seed: \xff", ": cannot be read as text ('utf-8' codec"),
+        (b"seed: [", ": no YAML (while parsing"),
+        (b"task2:\n  seeds: 1\n  seeds: 2", ", line 3: seeds occurs twice; rename one"),
+    ],
+)
+def test_a_faulty_file_of_settings_is_named(tmp_path, calls, content, message):
+    path = tmp_path / "own.yaml"
+    path.write_bytes(content)
+    for line in (("--configfile", path), ("--", "--configfile", path)):
+        done = call("run", "--directory", ROOT, *line)
+        assert done.exit_code == FAILED and not calls
+        assert done.stderr.startswith(f"error: {path}{message}") and done.stderr.count("\n") == 1
+
+
 def test_verbose_shows_the_traceback():
     done = call("orbits", "members", "Halo_L2_S", "--period", 99, "-v")
     assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("error: ")

@@ -1,6 +1,5 @@
 """Studies of user-defined observers and targets, as the command `cislunar study` runs them."""
 
-
 @cache
 def inputs_of_study(name):
     """A study and the files it names; a fault is refused before a job removes earlier results."""
