@@ -132,7 +132,12 @@ def export(
             f"--realization {realization}: the cell has {found.sizes['seed']}, counted from 0"
         )
     scenario = json.loads(found.attrs["settings"]).get("scenario", "")
-    sun = read_dataset(ephemeris or _ephemeris_of(Path(cell), scenario))
+    place = ephemeris or _ephemeris_of(Path(cell), scenario)
+    sun = read_dataset(place)
+    if not {"et", "moon_rotation"} <= {*sun.variables}:
+        raise InputFileError(
+            f"{place}: has no epoch and axes; give its ephemeris/sun.nc (--ephemeris)"
+        )
     messages = cell_messages(
         found,
         sun,

@@ -34,10 +34,12 @@ def propagate(orbit: str, days: float, steps: int, units: str, output: str | Non
     from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
     from cislunar.dynamics.cr3bp import primary_distances
     from cislunar.dynamics.propagation import propagate
+    from cislunar.errors import placed
 
     start = orbit_of(orbit, units)
     elapsed = np.linspace(0.0, days, steps + 1)
-    states = propagate(start.state, elapsed * SECONDS_PER_DAY / TIME_UNIT_S)
+    with placed(f"--orbit {orbit}, --days {days:g}"):
+        states = propagate(start.state, elapsed * SECONDS_PER_DAY / TIME_UNIT_S)
     earth, moon = primary_distances(states[:, :3])
     show(
         [

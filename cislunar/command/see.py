@@ -63,17 +63,17 @@ def see(
     import numpy as np
 
     from cislunar.ephemeris.sampling import sample_ephemeris
-    from cislunar.ephemeris.time_scales import clock_text, tdb_after, tdb_to_clock
-    from cislunar.errors import CislunarError
+    from cislunar.ephemeris.time_scales import clock_text, julian_date, tdb_after, tdb_to_clock
+    from cislunar.errors import placed
     from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
     from cislunar.observation.sensor import Sensor
     from cislunar.observation.sightings import sightings
     from cislunar.runtime.progress import logger
 
-    try:
-        sky = sample_ephemeris(epoch, hours / 24.0, step)
-    except CislunarError as error:
-        raise type(error)(f"--epoch {epoch}: {error}") from error
+    with placed(f"--epoch {epoch}"):
+        start = julian_date(epoch)
+    with placed(f"--epoch {epoch}, --hours {hours:g}"):
+        sky = sample_ephemeris(start, hours / 24.0, step)
     positions = [orbit_of(text, units).states(sky.time)[:, :3] for text in (observer, target)]
     sensor = Sensor(limiting_magnitude=limit)
     found = sightings(*positions, sky.sun_position, sensor, radius_m=radius)

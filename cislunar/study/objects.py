@@ -225,7 +225,8 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
         return _members(name, given)
     if isinstance(given, str | Path):
         if Path(given).suffix.lower() != ".oem":
-            orbit = read_orbit(str(given))
+            with placed(place):
+                orbit = read_orbit(str(given))
             return [StudyObject(name, orbit.family, np.array(orbit.state), orbit.period)]
         given = {"oem": given}
     if isinstance(given, Mapping):
@@ -309,7 +310,9 @@ def _of_family(name: str, place: str, given: Mapping[str, Any]) -> list[StudyObj
         for key in ("member", "phase"):
             if key in given:
                 raise ConfigurationError(f"{place}: {key} is of one member; leave out count")
-        return _members(name, members_of(family, **values, count=given["count"]))
+        with placed(place):
+            members = members_of(family, **values, count=given["count"])
+        return _members(name, members)
     values |= {key: given.get(key) for key in ("member", "phase")}
     chosen = {key: value for key, value in values.items() if value is not None}
     if not chosen.keys() & {"jacobi", "period"}:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any, NamedTuple
 
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, placed
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 """Components of a state."""
@@ -144,7 +144,8 @@ def member_of(place: str, family: str, given: Mapping[str, float]) -> Orbit:
             f"{place}: give the Jacobi constant or the period in days of the member of {family}, "
             "and only one of them"
         )
-    members = members_of(family, **chosen)
+    with placed(place):
+        members = members_of(family, **chosen)
     number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
     if number not in range(1, members.period.size + 1):
         raise ConfigurationError(

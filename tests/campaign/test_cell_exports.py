@@ -287,6 +287,10 @@ def test_the_command_names_what_is_missing(results, tmp_path):
         and "is no tracking cell, study or record of a survey" in done.stderr
     )
     assert export(lone, "--ephemeris", sun, "--output", tmp_path / "a.oem").exit_code == 0
+    done = export(lone, "--ephemeris", lone, "--output", tmp_path / "a.oem")
+    assert done.exit_code == FAILED
+    words = "has no epoch and axes; give its ephemeris/sun.nc (--ephemeris)"
+    assert done.stderr == f"error: {lone}: {words}\n"
 
 
 def test_a_cell_without_measurements_has_no_observations(inputs):

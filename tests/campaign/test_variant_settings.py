@@ -126,6 +126,15 @@ def test_changes_of_a_variant_are_checked_like_settings(paper, change, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_shipped_variant_that_excludes_a_users_setting_can_be_omitted(paper):
+    paper["task2"]["eclipse"] = True
+    words = r"non-detections: .*leave out 'eclipse', or omit all variants: task2.variants.scenario"
+    with pytest.raises(ConfigurationError, match=words):
+        check_campaign(paper)
+    paper["task2"]["variants"]["scenario"] = None
+    check_campaign(paper)
+
+
 def test_the_truth_is_the_assumed_model_unless_stated(paper):
     assumed = CellSettings(**cell_settings(paper["task2"]))
     true = true_settings(assumed)

@@ -210,6 +210,11 @@ HOSTILE = {
         "--epoch yesterday: 'yesterday' is not a date",
     ),
     "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
+    "centuries of sights": (
+        f"see --observer {HALO} --target {HALO} --hours 1e9",
+        "--epoch 2024-10-01, --hours 1e+09: ephemeris kernel",
+    ),
+    "ages of an orbit": (f"propagate --orbit {HALO} --days 1e9", f"--orbit {HALO}, --days 1e+09: "),
     "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "'--hours'"),
     "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "'--radius'"),
     "a folder that cannot be made": (

@@ -49,6 +49,12 @@ MISTAKES = {
     "misspelled family": (lambda: studied({"e": "Halo_L2_Q,period=6.56"}), "did you mean"),
     "no such period": (lambda: studied({"e": "Halo_L2_S,period=600"}), "the family has about"),
     "two members": (lambda: studied({"e": "Halo_L2_S,jacobi=3.05"}), "add member=N"),
+    "period of no member": (target(family="Halo_L2_S", period_days=600), "target 'a': no member"),
+    "members of no family": (target(family="Halo", count=2), "target 'a': unknown orbit family"),
+    "text of no member": (
+        lambda: studied({"e": "Halo_L2_S,period=600"}),
+        "observer 'e': orbit 'Halo_L2_S,period=600': no member",
+    ),
     "NaN": (lambda: studied(EYE, {"a": [NAN] * 6}), "state is not finite"),
     "km without a unit": (lambda: studied(EYE, {"a": STATE["state_km"]}), "units of 384400 km"),
     "meters as km": (target(state_km=[4e8, 0, 0, 0, 100, 0]), "x = 4e+08 is taken in km"),

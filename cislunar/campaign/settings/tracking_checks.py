@@ -189,9 +189,11 @@ def require_consistent(
     dimmed = settings.eclipse or bool(settings.stations)
     association.require_possible(late, dimmed, tasking.bound_steps, named("association"))
     if settings.eclipse and settings.batch.use_non_detections:
+        # shipped variants may exclude the settings of a user's cells
+        omit = ", or omit all variants: task2.variants.scenario: null" if ": " in place else ""
         raise ConfigurationError(
             f"{key('batch.use_non_detections')}: a target in shadow is not detected either, which "
-            "the estimator would take for a faint attitude; leave out 'eclipse'"
+            f"the estimator would take for a faint attitude; leave out 'eclipse'{omit}"
         )
     if association.in_field and settings.batch.use_non_detections:
         raise ConfigurationError(
