@@ -127,6 +127,24 @@ def test_an_epoch_may_be_a_date(paper, date):
 
 
 @pytest.mark.parametrize(
+    "values",
+    [
+        [datetime.date(2027, 3, 1), "2027-03-02"],
+        {"first": datetime.date(2027, 3, 1), "second": datetime.datetime(2027, 3, 2)},
+    ],
+)
+def test_values_of_a_sweep_may_be_dates(paper, values):
+    sweep = {"scenario": "A", "key": "settings.epoch_jd", "architecture": "tpe", "values": values}
+    checked = check_campaign(with_types(merged(paper, {"sweeps": {"date": sweep}})))
+    made = [*with_families(in_study(checked))["scenarios"].values()][-2:]
+    assert [each["settings"]["epoch_jd"] for each in made] == [2461465.5, 2461466.5]
+    sweep["key"] = "targets"
+    words = r"^configuration key 'sweeps.date': .*targets' = '2027-03-01': must be a whole number"
+    with pytest.raises(ConfigurationError, match=words):
+        check_campaign(with_types(merged(paper, {"sweeps": {"date": sweep}})))
+
+
+@pytest.mark.parametrize(
     "date, message",
     [
         ("2027-02-29", "'2027-02-29' is not a date: write it like 2024-10-01T00:00:00"),

@@ -9,6 +9,7 @@ import xarray as xr
 from campaign_folder import ROOT, read_campaign, with_change
 
 from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.preflight import (
     check_inputs,
     check_request,
@@ -43,6 +44,20 @@ def test_mission_without_a_possible_jacobi_constant_is_named(config, tmp_path, t
 def test_missing_mission_table_is_named(config, tmp_path):
     with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
         check_inputs(with_change(config, "targets.missions", str(tmp_path / "nowhere.csv")))
+
+
+def test_a_table_of_a_surveys_prior_is_checked_before_anything_runs(config, tmp_path):
+    table = tmp_path / "states.csv"
+    mine = {"scenario": "A", "architecture": "tpe", "prior_table": str(table)}
+    config = check_campaign(config | {"results": str(tmp_path), "surveys": {"mine": mine}})
+    for text, message in ((None, "no such file"), ("id,x\na,1\n", "needs the columns")):
+        if text is not None:
+            table.write_text(text, encoding="utf-8")
+        with pytest.raises(InputFileError, match=message) as caught:
+            check_inputs(config)
+        assert f"'surveys.mine.prior_table': {table}" in str(caught.value)
+    table.write_text("id,x,y,z,vx,vy,vz\na,1.1,0,0,0,0.1,0\n", encoding="utf-8")
+    check_inputs(config)
 
 
 def test_a_kernel_cut_short_is_named(config, tmp_path):

@@ -27,7 +27,6 @@ from cislunar.campaign.settings.scenarios import (
 from cislunar.campaign.settings.tracking_checks import check_tracking
 from cislunar.campaign.settings.tree import (
     Campaign,
-    Scenario,
     StatedSurvey,
     Surroundings,
     Visibility,
@@ -130,9 +129,8 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
     for name, point in [(n, p) for n in study["sweeps"] for p in sweep_points(study, n)]:
         try:
             if not point.variant:
-                place = f"scenarios.{point.scenario}"
-                checked(whole["scenarios"][point.scenario], Scenario, place)
-                checked(_own(whole, point.scenario), Surroundings, f"{place}.settings")
+                place = f"scenarios.{point.scenario}.settings"
+                checked(_own(whole, point.scenario), Surroundings, place)
                 _check_scenarios(whole)
         except ConfigurationError as error:
             fault = f"configuration key 'sweeps.{name}': {_first(error)}"

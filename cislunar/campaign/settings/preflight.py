@@ -63,6 +63,10 @@ def check_inputs(config: Mapping[str, Any]) -> None:
         settings = scenario_settings(config, scenario)
         _check_horizon(f"scenarios.{scenario}.settings.visibility", settings["visibility"])
         _check_static_targets(config, scenario, settings["targets"])
+    for name, survey in config["surveys"].items():
+        if survey["prior_table"] is not None:
+            with placed(f"configuration key 'surveys.{name}.prior_table'"):
+                load_target_states(survey["prior_table"])
     _check_ephemerides(config)
     _check_bodies(study, config)
     architecture = config["architecture"]

@@ -1,5 +1,6 @@
 """Reading a configuration: texts become typed values, and a line names the key of each fault."""
 
+import datetime
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -75,8 +76,9 @@ def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]
 def with_types(config: Mapping[str, Any], model: type[Section] = Campaign) -> dict[str, Any]:
     """Replace texts by the numbers, booleans and nulls that they denote.
 
-    Snakemake gives nested values of ``--config 'task2={"seeds": 3}'`` as texts. A
-    `ConfigurationError` if an alias of YAML makes the configuration a part of itself.
+    Snakemake gives nested values of ``--config 'task2={"seeds": 3}'`` as texts. Dates, which YAML
+    makes of texts without quotes, become texts again. A `ConfigurationError` if an alias of YAML
+    makes the configuration a part of itself.
     """
     try:
         return _typed(config, schema_of(model))
@@ -91,6 +93,8 @@ def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
         return {key: _typed(part, inner(schema, key)) for key, part in value.items()}
     if isinstance(value, list):
         return [_typed(part, inner(schema, 0)) for part in value]
+    if isinstance(value, datetime.date):
+        return value.isoformat()
     kinds = types(schema)
     if isinstance(value, str) and kinds and ("string" not in kinds or "number" in kinds):
         try:
