@@ -417,3 +417,20 @@ def survey_ephemeris(wildcards):
 def survey_file(pattern):
     """An input of a survey, by its scenario and architecture."""
     return lambda wildcards: results(pattern.format(**survey_of(wildcards)))
+
+
+@cache
+def inputs_of_study(name):
+    """A study and the files it names; a fault is refused before a job removes earlier results."""
+    from cislunar.study.settings import study_files
+
+    path = f"config/studies/{name}.yaml"
+    try:
+        if workflow.is_main_process:
+            # importing it takes seconds, and only a requested study needs it
+            from cislunar.study.study_file import read_study
+
+            read_study(path)
+        return study_files(path)
+    except CislunarError as error:
+        raise SystemExit(f"error: {error}") from None
