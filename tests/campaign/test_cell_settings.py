@@ -159,6 +159,10 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(paper):
         ("task2.maneuver_detection", {"false_alarms_per_target_day": 1}),
         ("task2.maneuver_detection", {"spacing_minutes": 90, "window_hours": 1}),
         ("task2.maneuver_detection.spacing_minutes", 0.5),
+        (
+            "task2.maneuver_detection",
+            {"spacing_minutes": 7.5, "false_alarms_per_target_day": 1e-3},
+        ),
         ("task2.truth.body", {"shape": "sphere"}),
         ("task2.batch.estimated_parameters", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),

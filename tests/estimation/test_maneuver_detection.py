@@ -265,8 +265,8 @@ def test_false_alarms_are_those_of_a_simulation(planned):
 
 def test_impossible_settings(problem):
     for given, words in (
-        ({"spacing_minutes": 0.1}, "spacing_minutes = 0.1 must be a multiple of the step of 60 s"),
-        ({"spacing_minutes": 7.5}, "spacing_minutes = 7.5 must be a multiple of the step of 60 s"),
+        ({"spacing_minutes": 0.1}, "spacing_minutes = 0.1 must be a multiple of step_s"),
+        ({"spacing_minutes": 7.5}, "spacing_minutes = 7.5 must be a multiple of step_s"),
         ({"spacing_minutes": 120, "window_hours": 1}, "at most window_hours"),
         ({"window_hours": float("nan")}, "window_hours"),
     ):

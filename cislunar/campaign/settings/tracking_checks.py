@@ -242,13 +242,13 @@ def require_consistent(
 
 
 def _check_detection(place: str, settings: CellSettings) -> None:
-    """Refuse hypothesized maneuvers that are closer to each other than measurements."""
-    minutes = settings.maneuver_detection.spacing_minutes
-    if 60.0 * minutes < settings.step_s:
-        raise ConfigurationError(
-            f"configuration key '{place}maneuver_detection.spacing_minutes' = {minutes} is shorter "
-            f"than step_s = {settings.step_s} s"
-        )
+    """Refuse hypothesized maneuvers that are not at times of measurements, and what excludes the
+    recovery of orbits or a search."""
+    minutes, step_s = settings.maneuver_detection.spacing_minutes, settings.step_s
+    # without a test, no multiple of a step is needed
+    if settings.maneuver_detection.false_alarms_per_target_day or 60.0 * minutes < step_s:
+        name = f"configuration key '{place}maneuver_detection.spacing_minutes'"
+        require_multiple(name, minutes, 60.0, step_s)
     if settings.maneuver_detection.recover and settings.observer_errors.treatment != "none":
         raise ConfigurationError(
             f"configuration key '{place}maneuver_detection.recover': orbits are not estimated anew "

@@ -47,6 +47,7 @@ from cislunar.observation.records import Measurements, Schedule
 from cislunar.observation.scene import Scene
 from cislunar.runtime import Array
 from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.settings_fields import require_multiple
 from cislunar.runtime.threads import share_out
 
 _USUAL = ManeuverDetection()
@@ -111,12 +112,8 @@ def _estimates(
 
 def _steps(spacing_minutes: float, step_s: float) -> int:
     """Steps between hypothesized times."""
-    steps = 60.0 * spacing_minutes / step_s
-    if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
-        raise ConfigurationError(
-            f"spacing_minutes = {spacing_minutes:g} must be a multiple of the step of {step_s:g} s"
-        )
-    return round(steps)
+    require_multiple("spacing_minutes", spacing_minutes, 60.0, step_s)
+    return round(60.0 * spacing_minutes / step_s)
 
 
 class ManeuverTest:
