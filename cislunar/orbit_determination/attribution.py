@@ -301,7 +301,8 @@ def _extended(
     at_once, own = [_AT_ONCE] * n, np.flatnonzero(usable)
     candidates = tracklets.take(own)
     parts = [fits.take([k]) for k in range(n)]
-    fitted = [set(orbits.tracklets[k]) if many[k] else set() for k in range(n)]
+    # tracklets that the priors have not been fitted to, and exposures of all
+    new = [[] if many[k] else list(members[k]) for k in range(n)]
     taken = [set(exposure[_rows_of(tracklets, each)].tolist()) for each in members]
     # of each orbit, as it is, with the most probable ones first; None: to be sought
     matches: list[list[int] | None] = [None] * n
@@ -322,11 +323,13 @@ def _extended(
                 matches[k] = each.tolist()
         trials, rows, later = [], [], []
         for k in active:
-            used, added = set(taken[k]), []
+            used, added = set(), []
             most = at_once[k] if len(members[k]) >= _SHORT_ARC else 1
             for t in matches[k]:
                 exposed = exposure[tracklets.detections[t]].tolist()
-                if t in rejected[k] or used & set(exposed):
+                if t in rejected[k] or not (
+                    taken[k].isdisjoint(exposed) and used.isdisjoint(exposed)
+                ):
                     continue
                 added.append(t)
                 used.update(exposed)
@@ -334,7 +337,7 @@ def _extended(
                     break
             if added:
                 trials.append((k, added, used))
-                rows.append(_rows_of(tracklets, [*(set(members[k]) - fitted[k]), *added]))
+                rows.append(_rows_of(tracklets, [*new[k], *added]))
             elif stage[k] + 1 < len(spans_h):
                 searched[k] = spans_h[stage[k]]
                 stage[k], at_once[k], matches[k] = stage[k] + 1, _AT_ONCE, None
@@ -347,9 +350,10 @@ def _extended(
             good = agrees(joint, significance)
             for number, (k, added, used) in enumerate(trials):
                 if good[number]:
-                    parts[k], searched[k], taken[k] = joint.take([number]), -np.inf, used
-                    matches[k] = None
+                    parts[k], searched[k], matches[k] = joint.take([number]), -np.inf, None
                     members[k] = sorted(members[k] + added)  # tracklets are in order of time
+                    new[k] += added
+                    taken[k] |= used
                     at_once[k] = min(max(at_once[k], 2 * len(added)), _MOST_AT_ONCE)
                 elif len(added) > _AT_ONCE:
                     at_once[k] = _AT_ONCE
