@@ -78,9 +78,9 @@ def exponential(x):
 def normal_cdf(x, sigma):
     """Probability that a normal variable of mean 0 and standard deviation sigma is below x, with a
     small relative error in both tails; with sigma = 0 it is 0, 1, or 0.5 at x = 0."""
-    if sigma > 0.0:
-        return 0.5 * math.erfc(-x / sigma * _SQRT_HALF)
-    return 0.5 + 0.5 * np.sign(x)
+    if sigma == 0.0:
+        return 0.5 + 0.5 * np.sign(x)
+    return 0.5 * math.erfc(-x / sigma * _SQRT_HALF)
 
 
 @njit_inline

@@ -86,7 +86,8 @@ def _recorded(path: Path) -> bool:
     of the file, in pieces that the file system allows."""
     path = path.absolute()
     for folder in (Path.cwd(), *path.parents):
-        for name in (str(path), os.path.relpath(path, folder)):
+        own = os.path.relpath(path, folder)
+        for name in (str(path), own, f"./{own}"):
             text = urlsafe_b64encode(name.encode()).decode()
             *begin, end = (text[k : k + 254] for k in range(0, len(text), 254))
             record = Path(folder, ".snakemake/metadata", *(f"@{each}" for each in begin), end)
@@ -140,4 +141,7 @@ def _summary(damaged: list[tuple[Path, str]], made: list[Path], deleted: bool) -
     elif made:
         yield "damaged; remove them with --delete, then make them anew with snakemake"
     for path in sorted({path for path, _ in damaged} - {*made}):
-        yield f"{path}: not removed by --delete, since no rule made it; correct or remove it"
+        yield (
+            f"{path}: not removed by --delete, since Snakemake has no record of it: correct it, or "
+            "remove it and run what made it again"
+        )

@@ -111,6 +111,12 @@ def read_segments(path: str | Path) -> list[Segment]:
     epoch, system = _date_column(path, header)
     arcs: dict[tuple[str, ...], list[list[float]]] = {}
     spans = [name + epoch.removeprefix("epoch") for name in _USEABLE]
+    for name in header:
+        if name.startswith(_USEABLE) and name not in spans:
+            raise InputFileError(
+                f"{path}, row 1: the time scale of {name} is not that of {epoch}; give {spans[0]} "
+                f"and {spans[1]}"
+            )
     for place, row in rows:
         time = read_date(place, row[epoch], system)
         names = (*_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))

@@ -61,7 +61,7 @@ class OrbitFits(NamedTuple):
     chi_squared : ndarray, shape (fit,)
         Squared residuals in variances; infinite if the start cannot be propagated.
     degrees : ndarray of int, shape (fit,)
-        Degrees of freedom: twice the number of rows, less six.
+        Degrees of freedom: twice the number of rows, less six; with a prior, those of both.
     status : ndarray of int, shape (fit,)
         CONVERGED, NOT_CONVERGED, SINGULAR or NOT_PROPAGATED.
     begin : ndarray of int, shape (fit + 1,)
@@ -307,8 +307,8 @@ def fit_orbits(
         Chi squared above which a fit is abandoned after four iterations.
     prior : OrbitFits, optional
         Fits to other rows at the same epochs, one for each fit: their states and covariances are
-        further measurements, and their chi squared and degrees of freedom are added. A prior that
-        has not converged does not count.
+        further measurements, and their chi squared and degrees of freedom are added, but not their
+        rows, on which `log_evidence` depends. A prior that has not converged does not count.
 
     Returns
     -------
@@ -335,9 +335,8 @@ def fit_orbits(
         raise ConfigurationError(f"prior: {usable.size} fits; give one for each state")
     for k, part in enumerate(parts):
         if part.size < 3 - 2 * usable[k]:
-            raise ConfigurationError(
-                f"fit {k} has {part.size} directions; six components need at least three"
-            )
+            needed = "a prior needs one" if usable[k] else "six components need at least three"
+            raise ConfigurationError(f"fit {k} has {part.size} directions; {needed}")
     times = array_of("epoch", epoch)
     times = np.broadcast_to(times, len(starts)) if times.shape in ((), (1,)) else times
     epochs = array_of("epoch", times, (len(starts),)).copy()
@@ -376,7 +375,12 @@ def fit_orbits(
     factor, center, weight = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
     if prior is not None:
         center[usable] = prior.state[usable]
-        weight[usable] = np.linalg.inv(prior.root[usable].swapaxes(1, 2))
+        try:
+            weight[usable] = np.linalg.inv(prior.root[usable].swapaxes(1, 2))
+        except np.linalg.LinAlgError:
+            raise ConfigurationError(
+                "prior: a covariance is singular; give a regular one"
+            ) from None
     _fit_all(
         forces, frame_rate(forces), data, begin, at, (epochs, center, weight), axes,
         (int(iterations), float(abandon_above)),

@@ -126,9 +126,10 @@ def cell_messages(
 def _with_codes(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
     """Observations with the codes of ADES for observers, whose names become a remark."""
     codes, given = observer_codes(names), table["stn"].astype(str)
+    remarks_of = table["remarks"].fillna("") if "remarks" in table else [""] * len(table)
     remarks = [
         "; ".join(filter(None, [f"observer {own}" if codes.get(own, own) != own else "", also]))
-        for own, also in zip(given, table.get("remarks", pd.Series("", table.index)), strict=True)
+        for own, also in zip(given, remarks_of, strict=True)
     ]
     signs = [each.replace("|", "/") for each in remarks]  # which separates columns
     return table.assign(stn=[codes.get(own, own) for own in given], remarks=signs)

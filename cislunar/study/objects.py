@@ -140,7 +140,7 @@ def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[Study
             raise ConfigurationError(f"{place} = {shown(str(given))}: {remedy}")
         found = _of_file(what, Path(given), epoch, days)
     elif isinstance(given, OrbitSet):
-        found = _members("", given)
+        found = _members(what, "", given)
     elif isinstance(given, Iterable) and not hasattr(given, "to_csv"):  # of a data frame
         named = isinstance(given, Mapping)
         numbered = ((f"{what} {number}", each) for number, each in enumerate(given, 1))
@@ -222,7 +222,7 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
     if name != name.strip():
         raise ConfigurationError(f"{what}s: {name!r} begins or ends with a blank; remove it")
     if isinstance(given, OrbitSet):
-        return _members(name, given)
+        return _members(place, name, given)
     if isinstance(given, str | Path):
         if Path(given).suffix.lower() != ".oem":
             with placed(place):
@@ -234,10 +234,10 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
     return [StudyObject(name, OWN_FAMILY, _state(place, "state", given, ""))]
 
 
-def _members(name: str, members: OrbitSet) -> list[StudyObject]:
+def _members(place: str, name: str, members: OrbitSet) -> list[StudyObject]:
     """Members of families, with a number after the name if there are several."""
-    for state in members.state:
-        check_state(name or str(members.family[0]), COMPONENTS, state, "")
+    for family, state in zip(members.family, members.state, strict=True):
+        check_state(place if name else f"{place} of {family}", COMPONENTS, state, "")
     several = members.period.size > 1 or not name
     return [
         StudyObject(
@@ -312,7 +312,7 @@ def _of_family(name: str, place: str, given: Mapping[str, Any]) -> list[StudyObj
                 raise ConfigurationError(f"{place}: {key} is of one member; leave out count")
         with placed(place):
             members = members_of(family, **values, count=given["count"])
-        return _members(name, members)
+        return _members(place, name, members)
     values |= {key: given.get(key) for key in ("member", "phase")}
     chosen = {key: value for key, value in values.items() if value is not None}
     if not chosen.keys() & {"jacobi", "period"}:

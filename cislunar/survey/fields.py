@@ -198,5 +198,6 @@ def detection_probability(
     """
     brighter = np.asarray(margin) + 2.5 * np.log10(np.asarray(size_m2, dtype=float))
     sigma = np.asarray(sigma_mag, dtype=float)
-    spread = ndtr(brighter / np.where(sigma > 0.0, sigma, 1.0))
-    return (1.0 - loss) * np.where(sigma > 0.0, spread, 0.5 + 0.5 * np.sign(brighter))
+    exact = sigma == 0.0
+    spread = ndtr(brighter / np.where(exact, 1.0, sigma))
+    return (1.0 - loss) * np.where(exact, 0.5 + 0.5 * np.sign(brighter), spread)

@@ -238,14 +238,15 @@ def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, Row]]]:
     """Header and rows of a table, which must not say that its states are in another frame."""
     header, rows = named_rows(path, "target")
     remedy = "give inertial states as an OEM (*.oem) or as icrf_km of a study"
-    for column in _DATES:
-        if column in header:
+    for column in header:
+        if column.lower() in _DATES:
             raise InputFileError(
                 f"{path}, row 1: column {column}: a table has states at the epoch, rotating frame; "
                 f"remove the column, or {remedy}"
             )
     for place, row in rows:
-        frame, center = row.get("frame", ""), row.get("center", "")
+        stated = {name.lower(): text for name, text in row.items()}
+        frame, center = stated.get("frame", ""), stated.get("center", "")
         if frame.lower() not in ("", "rotating"):
             raise InputFileError(f"{place}: frame = {frame!r} must be rotating; {remedy}")
         if center and ORIGINS.get(center.upper()) != EARTH_MOON_CENTER:

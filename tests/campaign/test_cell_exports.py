@@ -1,8 +1,12 @@
 """Observations, attitudes and orbits of cells in the ICRF, in both kinds of dynamics."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pandas as pd
 import pytest
 import spiceypy
+import xarray as xr
 from astropy.coordinates import CartesianRepresentation, SphericalRepresentation
 from click.testing import CliRunner
 from small_cells import cell_inputs, settings_of_cell
@@ -12,7 +16,7 @@ from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import typed
-from cislunar.campaign.tracking.cell import cell_problem
+from cislunar.campaign.tracking.cell import _observer_names, cell_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import (
     cell_arcs,
@@ -43,7 +47,7 @@ from cislunar.exchange.inertial import inertial_states
 from cislunar.exchange.tdm import read_tdm, tdm_text
 from cislunar.figures.replay import cell_replay, replay_page
 from cislunar.runtime.netcdf import write_dataset
-from cislunar.study.messages import cell_messages
+from cislunar.study.messages import _with_codes, cell_messages
 from cislunar.tasking.settings import RECORDABLE
 
 CREATED = "2030-01-01T00:00:00"
@@ -127,6 +131,20 @@ def test_names_of_observers_are_those_of_their_table(inputs, tmp_path):
     remarks = found["remarks"][found["stn"] == "O002"]
     assert set(remarks) == {f"observer my eye 2; {GEOMETRIC_DIRECTIONS}"}
     assert set(found["remarks"][found["stn"] == "F51"]) == {GEOMETRIC_DIRECTIONS}
+
+
+def test_numbers_of_observers_on_one_orbit_are_in_no_other_name():
+    orbits = xr.Dataset({"name": ("orbit", ["eye", "eye 2"])})
+    names = _observer_names(orbits, np.array([0, 0, 1]), SimpleNamespace(stations=["eye 1"]))
+    assert names == ["eye 3", "eye 4", "eye 2", "eye 1"]
+
+
+def test_observations_without_a_remark_have_the_name_of_their_observer():
+    table = pd.DataFrame({"stn": ["my eye", "F51"], "remarks": [np.nan, "bright|near"]})
+    found = _with_codes(table, ["my eye", "F51"])
+    assert found["stn"].tolist() == ["O001", "F51"]
+    assert found["remarks"].tolist() == ["observer my eye", "bright/near"]
+    assert _with_codes(table[["stn"]], ["my eye"])["remarks"].tolist() == ["observer my eye", ""]
 
 
 def test_attitudes_relative_to_the_icrf_agree_with_the_scene(cell, inputs, scene):

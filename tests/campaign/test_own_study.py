@@ -22,7 +22,7 @@ from cislunar.campaign.settings.cells import campaign_cells, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs, check_orbits
-from cislunar.campaign.settings.reading import merged, with_types
+from cislunar.campaign.settings.reading import merged, read_yaml, with_types
 from cislunar.campaign.settings.scenarios import (
     SECTIONS,
     in_study,
@@ -142,6 +142,31 @@ def test_values_of_a_sweep_may_be_dates(paper, values):
     words = r"^configuration key 'sweeps.date': .*targets' = '2027-03-01': must be a whole number"
     with pytest.raises(ConfigurationError, match=words):
         check_campaign(with_types(merged(paper, {"sweeps": {"date": sweep}})))
+
+
+def test_a_date_may_have_a_time_zone(paper):
+    date = datetime.datetime.fromisoformat("2027-03-02T12:00:00+02:00")
+    assert check_campaign(with_types(paper | {"epoch_jd": date}))["epoch_jd"] == pytest.approx(
+        2461466.5 + 10.0 / 24.0, abs=1e-8
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: {b: {c: &base {x: 1, y: 2}}, d: {e: &mid {<<: *base, y: 3}}}\nc: {<<: *mid, z: 4}\n",
+        '{\n\t"a": 1,\n\t"b": [{"a": 2}]\n}',
+        "a: &x\n  b: 1\nc: *x\n",
+    ],
+)
+def test_files_of_settings_are_read_as_usual(tmp_path, text):
+    path = tmp_path / "own.yaml"
+    path.write_text(text)
+    try:
+        usual = json.loads(text)
+    except json.JSONDecodeError:
+        usual = yaml.safe_load(text)
+    assert read_yaml(path, "a file of settings") == usual
 
 
 @pytest.mark.parametrize(

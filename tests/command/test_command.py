@@ -279,6 +279,7 @@ def test_an_error_is_one_line(line, message):
         (b"seed: \xff", ": cannot be read as text ('utf-8' codec"),
         (b"seed: [", ": no YAML (while parsing"),
         (b"task2:\n  seeds: 1\n  seeds: 2", ", line 3: seeds occurs twice; rename one"),
+        (b'{\n\t"seed": 1,\n\t"seed": 2\n}', ", seed occurs twice; rename one"),
     ],
 )
 def test_a_faulty_file_of_settings_is_named(tmp_path, calls, content, message):
@@ -354,8 +355,10 @@ def test_only_files_that_snakemake_has_made_are_deleted(tmp_path, monkeypatch, n
     paths[0].parent.mkdir()
     for path in paths:
         path.write_text("a\n1\n" if path.stem == "whole" else "a\n1")
+    paths.append(Path("results", "b.nc"))
+    paths[-1].write_text("a")
     records = FilePersistence(dag=None, warn_only=True)
-    for key in (paths[0], paths[1], paths[4].absolute()):
+    for key in (paths[0], paths[1], paths[4].absolute(), f"./{paths[5]}"):
         records._io_write(records._metadata_path, {"rule": "a"}, str(key))
     monkeypatch.chdir("/")
     assert call("verify", tmp_path / "results").exit_code == 1
@@ -366,7 +369,7 @@ def test_only_files_that_snakemake_has_made_are_deleted(tmp_path, monkeypatch, n
         *("whole.csv", "own.csv", "own.pdf"),
     ]
     for path in paths[2:4]:
-        assert f"{tmp_path / path}: not removed by --delete, since no rule made it" in done.stdout
+        assert f"{tmp_path / path}: not removed by --delete, since Snakemake has" in done.stdout
 
 
 @pytest.mark.workflow

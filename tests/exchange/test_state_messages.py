@@ -76,6 +76,9 @@ def test_a_table_keeps_the_useable_spans_of_arcs_of_one_object(segment, tmp_path
         assert found.useable_tdb_s == pytest.approx(given.useable_tdb_s, abs=1e-6)
     assert back[2].useable_tdb_s is None
     assert segments_csv(back, time_system=system) == text
+    other = text.replace(f"useable_stop_{system.lower()}", "useable_stop_tt")
+    message = f"the time scale of useable_stop_tt is not that of epoch_{system.lower()}"
+    refused(read_segments, file_of(tmp_path, other, "other.csv"), message)
     wrong = spoil(text, r"EARTH,ICRF,[^,]*", "EARTH,ICRF,2030-01-01T00:00:00")
     refused(
         read_segments, file_of(tmp_path, wrong, "own.csv"), "USEABLE_STOP_TIME must be in order"

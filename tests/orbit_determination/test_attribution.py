@@ -9,6 +9,7 @@ from nights import HOUR, OBJECTS, night
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics import EARTH_MOON
 from cislunar.orbit_determination import (
+    CONVERGED,
     AdmissibleRegion,
     attributables,
     attribution,
@@ -59,8 +60,15 @@ def test_fits_with_priors_attribute_the_same_tracklets(monkeypatch):
     members = tuple(tuple(each[:8].tolist()) for each in own)
     rows = [np.unique(np.concatenate([tracklets.detections[t] for t in each])) for each in members]
     start = fit_orbits(angles, rows, OBJECTS[:2], 0.0)
-    found = {}
+    found, priors = {}, []
+
+    def fitted(*given, prior=None, **settings):
+        priors.append(0 if prior is None else np.count_nonzero(prior.status == CONVERGED))
+        return fit_orbits(*given, prior=prior, **settings)
+
+    monkeypatch.setattr(attribution, "fit_orbits", fitted)
     for many in (10**6, 10):
+        assert not any(priors)
         monkeypatch.setattr(attribution, "_MANY", many)
         found[many] = attribution.extend_orbits(
             angles, tracklets, OrbitHypotheses(start, members),
@@ -73,6 +81,7 @@ def test_fits_with_priors_attribute_the_same_tracklets(monkeypatch):
         significance=1e-6,
     )  # fmt: skip
     assert none.tracklets == ()
+    assert max(priors) == 2
     exact, fast = found.values()
     assert fast.tracklets == exact.tracklets and min(map(len, exact.tracklets)) > 40
     np.testing.assert_array_equal(fast.fits.row, exact.fits.row)

@@ -177,6 +177,11 @@ def test_a_prior_counts_as_the_angles_that_it_was_fitted_to():
     assert (
         fit_orbits(angles, [late[0][:1]], start[:1], epoch[:1], prior=prior.take([0])).status == 0
     )
+    with pytest.raises(ConfigurationError, match="fit 0 has 0 directions; a prior needs one"):
+        fit_orbits(angles, [[]], start[:1], epoch[:1], prior=prior.take([0]))
+    flat = prior.take([0])._replace(root=np.zeros((1, 6, 6)))
+    with pytest.raises(ConfigurationError, match="prior: a covariance is singular"):
+        fit_orbits(angles, late[:1], start[:1], epoch[:1], prior=flat)
     with pytest.raises(ConfigurationError, match="prior: 3 fits; give one for each state"):
         fit_orbits(angles, late[:2], start[:2], epoch[:2], prior=prior)
     with pytest.raises(ConfigurationError, match="prior: the epochs of the fits differ"):

@@ -121,6 +121,7 @@ def test_the_normal_distribution_against_scipy():
     by_erf = 0.5 * (1.0 + erf(x / np.sqrt(2.0)))
     np.testing.assert_allclose(found, by_erf, rtol=0.0, atol=1e-14)
     assert [normal_cdf(each, 0.0) for each in (-np.inf, -0.1, 0.0, 0.1)] == [0.0, 0.0, 0.5, 1.0]
+    assert np.isnan([normal_cdf(0.1, np.nan), normal_cdf(np.nan, 0.1)]).all()
     assert normal_cdf(-30.0, 1.0) == pytest.approx(ndtr(-30.0), rel=1e-13, abs=0.0)
 
 

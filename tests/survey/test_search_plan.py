@@ -111,6 +111,7 @@ def test_without_noise_a_detection_is_certain_or_impossible():
         warnings.simplefilter("error")
         chance = detection_probability([[0.3, 0.0, -0.3, -np.inf]], np.ones(4), [[0, 0, 0, 0]], 0.2)
     assert chance.tolist() == [[0.8, 0.4, 0.0, 0.0]]
+    assert np.isnan(detection_probability([[0.3]], [1.0], np.nan, 0.2)).all()
 
 
 def test_a_plan_takes_the_best_fields_and_leaves_what_is_left_to_others():

@@ -77,8 +77,10 @@ def test_faults_of_target_tables_are_one_line_that_names_the_field(tmp_path, row
             "ICRF,EARTH",
             "row 2, target 'one': frame = 'ICRF' must be rotating; give",
         ),
+        ("Frame", "ICRF", "frame = 'ICRF' must be rotating; give"),
         ("frame,center", "rotating,EARTH", "center = 'EARTH' must be EARTH BARYCENTER; give"),
         ("epoch_utc", "2027-01-01", "row 1: column epoch_utc: a table has states at the epoch"),
+        ("EPOCH_UTC", "2027-01-01", "row 1: column EPOCH_UTC: a table has states at the epoch"),
         ("time_scale", "UTC", "row 1: column time_scale: a table has states at the epoch"),
     ],
 )

@@ -236,7 +236,7 @@ def test_truncated_result(campaign, undisturbed):
     listed, code = campaign.verify()
     assert code == 1
     assert f"{damaged}: cannot be read" in listed
-    assert f"{own}: not removed by --delete, since no rule made it" in listed
+    assert f"{own}: not removed by --delete, since Snakemake has no record" in listed
     assert f"{leftover}: left by a job" in listed
     assert_kept(campaign, before)
     removed, _ = campaign.verify("--delete")

@@ -1,6 +1,7 @@
 """Reading a configuration: texts become typed values, and a line names the key of each fault."""
 
 import datetime
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,29 +33,56 @@ RENAMED = {
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses keys that occur twice, of which YAML would keep one, and leaves dates as text."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        earlier = set()
-        for key, _ in node.value:
-            if (name := str(key.value)) in earlier:
-                line = key.start_mark.line + 1
-                raise ConfigurationError(f"line {line}: {name} occurs twice; rename one")
-            earlier.add(name)
-        return super().construct_mapping(node, deep)
+    """Leaves dates as text."""
 
 
 _Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_scalar)
 
 
-def read_yaml(path: str | Path, what: str) -> dict[Any, Any]:
-    """The mapping in a YAML file, which is `what` for messages, such as "a study".
+def _parsed(text: str) -> Any:
+    """What a text in YAML or JSON, which may have tabs, contains. ConfigurationError for keys that
+    occur twice, of which both formats would keep one."""
+    try:
+        return json.loads(text, object_pairs_hook=_without_repetition)
+    except json.JSONDecodeError:
+        loader = _Loader(text)
+    node, seen = loader.get_single_node(), set()
+    left = [] if node is None else [node]
+    while left:
+        each = left.pop()
+        if id(each) in seen or isinstance(each, yaml.ScalarNode):
+            continue
+        seen.add(id(each))
+        if isinstance(each, yaml.MappingNode):
+            earlier = set()
+            for key, _ in each.value:
+                if (name := str(key.value)) in earlier:
+                    line = key.start_mark.line + 1
+                    raise ConfigurationError(f"line {line}: {name} occurs twice; rename one")
+                earlier.add(name)
+            left += [value for _, value in each.value]
+        else:
+            left += each.value
+    return None if node is None else loader.construct_document(node)
 
-    An `InputFileError` names the file, and the line of a key that occurs twice.
+
+def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        name = next(each for each in names if names.count(each) > 1)
+        raise ConfigurationError(f"{name} occurs twice; rename one")
+    return found
+
+
+def read_yaml(path: str | Path, what: str) -> dict[Any, Any]:
+    """The mapping in a file in YAML or JSON, which is `what` for messages, such as "a study".
+
+    An `InputFileError` names the file, and in YAML the line of a key that occurs twice.
     """
     text = read_text(path, what)
     try:
-        given: Any = yaml.load(text, _Loader)
+        given = _parsed(text)
     except yaml.YAMLError as error:
         raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
     except ConfigurationError as error:
@@ -93,6 +121,8 @@ def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
         return {key: _typed(part, inner(schema, key)) for key, part in value.items()}
     if isinstance(value, list):
         return [_typed(part, inner(schema, 0)) for part in value]
+    if isinstance(value, datetime.datetime) and value.tzinfo is not None:
+        value = value.astimezone(datetime.UTC).replace(tzinfo=None)
     if isinstance(value, datetime.date):
         return value.isoformat()
     kinds = types(schema)

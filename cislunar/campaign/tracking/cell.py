@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -280,10 +281,12 @@ def _observer_names(
     own = orbits["name"].values[rows].astype(str).tolist() if "name" in orbits else None
     names = own or [f"O{number:03d}" for number in range(1, rows.size + 1)]
     names += settings.stations
-    return [
-        name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}"
-        for k, name in enumerate(names)
-    ]
+    found = [name if names.count(name) == 1 else "" for name in names]
+    for k, name in enumerate(names):
+        if not found[k]:
+            numbered = (f"{name} {number}" for number in count(1))
+            found[k] = next(each for each in numbered if each not in (*names, *found))
+    return found
 
 
 def _observer_errors(
