@@ -98,15 +98,19 @@ def sample_ephemeris(
     if isinstance(epoch_jd, str):
         epoch_jd = julian_date(epoch_jd)
     duration_days = in_unit("duration_days", duration_days, "d")
-    elapsed = _grid(duration_days, in_unit("step_minutes", step_minutes, "min"))
-    et = float(utc_to_tdb(epoch_jd, "epoch_jd")) + elapsed
+    step_minutes = in_unit("step_minutes", step_minutes, "min")
+    intervals, step_s = _intervals(duration_days, step_minutes)
+    first = float(utc_to_tdb(epoch_jd, "epoch_jd"))
     require_kind("kernel", kernel, (str, Path), "give 'de421', 'de440' or the path of an SPK file")
     path = kernel_path(kernel)
 
     import spiceypy
 
     with loaded(path):
-        require_coverage(path, float(et[0]), float(et[-1]))
+        # before arrays are made, which may be too long for the memory
+        require_coverage(path, first, first + intervals * step_s)
+        elapsed = np.arange(intervals + 1) * step_s
+        et = first + elapsed
         moon = np.array([spiceypy.spkgeo(MOON, t, "J2000", EARTH)[0] for t in et])
         sun = np.array([spiceypy.spkgps(SUN, t, "J2000", EARTH_MOON_BARYCENTER)[0] for t in et])
 
@@ -126,10 +130,11 @@ def check_coverage(
     epoch_jd: float, duration_days: float, step_minutes: float, kernel: str | Path
 ) -> None:
     """Raise the errors that `sample_ephemeris` would raise for these arguments."""
-    start, length = float(utc_to_tdb(epoch_jd, "epoch_jd")), _grid(duration_days, step_minutes)[-1]
+    start = float(utc_to_tdb(epoch_jd, "epoch_jd"))
+    intervals, step_s = _intervals(duration_days, step_minutes)
     path = kernel_path(kernel)
     with loaded(path):
-        require_coverage(path, start, start + float(length))
+        require_coverage(path, start, start + intervals * step_s)
 
 
 def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
@@ -194,10 +199,10 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
     return np.stack([np.interp(t, grid, sun[:, axis]) for axis in range(3)], axis=-1)
 
 
-def _grid(duration_days: float, step_minutes: float) -> Array:
-    """Uniform grid of times, s since the first."""
+def _intervals(duration_days: float, step_minutes: float) -> tuple[int, float]:
+    """Number of intervals of a uniform grid of times, and their length, s."""
     if number_of("duration_days", duration_days) < 0.0:
         raise ConfigurationError(f"duration_days = {duration_days} must be finite and >= 0")
     number_of("step_minutes", step_minutes, positive=True)
     intervals = int(np.ceil(duration_days * 1440.0 / step_minutes - 1e-9))
-    return np.arange(intervals + 1) * (step_minutes * 60.0)
+    return intervals, step_minutes * 60.0
