@@ -46,11 +46,13 @@ def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
             "repository, which the wheel does not contain: go there, or give --directory FOLDER"
         )
     for name in configfiles:
+        _require(folder / name, "--configfile", "file")
+    if configfiles:
         from cislunar.campaign.settings import read_yaml
 
-        _require(folder / name, "--configfile", "file")
-        # Snakemake reads it before the Snakefile, and its errors do not name the file
-        read_yaml(folder / name, "a file of settings")
+        # Snakemake reads them before the Snakefile, and its errors do not name the file
+        for name in configfiles:
+            read_yaml(folder / name, "a file of settings")
     if find_spec("snakemake") is None:
         raise ConfigurationError(
             "Snakemake is not installed: pip install -r environment.txt in the repository"

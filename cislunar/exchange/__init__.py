@@ -18,7 +18,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "observation_dates", "require"],
     "ocm": ["Maneuver", "ObjectRecord", "ocm_text", "read_ocm"],
     "oem": ["Segment", "objects_of", "oem_text", "read_oem", "state_at"],
-    "state_tables": ["read_segments", "segments_csv"],
+    "state_tables": ["DATE_COLUMNS", "read_segments", "segments_csv"],
     "table_rows": ["Columns", "OWN_FAMILY", "PERIOD", "POSITION", "Row", "VELOCITY", "check_closed",
         "check_state", "listed", "named_rows", "quantity_columns", "read_lines", "read_number",
         "row_names", "row_numbers", "row_period", "row_position", "row_state"],

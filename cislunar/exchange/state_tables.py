@@ -37,6 +37,8 @@ _DATES = {f"epoch_{system.lower()}": system for system in TIME_SYSTEMS}
 """Columns of dates, and their time scales."""
 _OLD_DATES = {"epoch": "TDB"}
 """Column of dates in tables of version 0.1, which have no column of the frame."""
+DATE_COLUMNS = (*_DATES, *_OLD_DATES)
+"""All columns of dates."""
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _ROWS, _COLUMNS = np.tril_indices(6)
 _COVARIANCE = tuple(f"cov_{_AXES[i]}_{_AXES[j]}" for i, j in zip(_ROWS, _COLUMNS, strict=True))

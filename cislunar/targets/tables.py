@@ -34,6 +34,7 @@ import numpy as np
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import (
     CATALOG_COLUMNS,
+    DATE_COLUMNS,
     EARTH_MOON_CENTER,
     ORIGINS,
     Epoch,
@@ -60,8 +61,8 @@ from cislunar.exchange.table_rows import (
 )
 from cislunar.runtime import Array, number_of, require_path
 
-_DATES = ("time_scale", "epoch", "epoch_utc", "epoch_tai", "epoch_tt", "epoch_tdb")
-"""Columns of tables whose states belong to dates, as `cislunar.exchange.state_tables` has them."""
+_DATED = ("time_scale", *DATE_COLUMNS)
+"""Columns of tables whose states belong to dates."""
 
 
 class TargetStates(NamedTuple):
@@ -239,7 +240,7 @@ def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, Row]]]:
     header, rows = named_rows(path, "target")
     remedy = "give inertial states as an OEM (*.oem) or as icrf_km of a study"
     for column in header:
-        if column.lower() in _DATES:
+        if column.lower() in _DATED:
             raise InputFileError(
                 f"{path}, row 1: column {column}: a table has states at the epoch, rotating frame; "
                 f"remove the column, or {remedy}"

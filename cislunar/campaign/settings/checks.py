@@ -15,7 +15,7 @@ from cislunar.campaign.settings.families import (
     sweep_points,
     with_families,
 )
-from cislunar.campaign.settings.reading import checked, merged, typed
+from cislunar.campaign.settings.reading import checked, first_fault, merged, typed
 from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
@@ -125,7 +125,7 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
         except ConfigurationError as error:
             if str(error).startswith("unknown") and key.endswith(".values"):
                 key = key.removesuffix("values") + "key"
-            raise ConfigurationError(f"configuration key '{key}': {_first(error)}") from None
+            raise ConfigurationError(f"configuration key '{key}': {first_fault(error)}") from None
     for name, point in [(n, p) for n in study["sweeps"] for p in sweep_points(study, n)]:
         try:
             if not point.variant:
@@ -133,13 +133,8 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
                 checked(_own(whole, point.scenario), Surroundings, place)
                 _check_scenarios(whole)
         except ConfigurationError as error:
-            fault = f"configuration key 'sweeps.{name}': {_first(error)}"
+            fault = f"configuration key 'sweeps.{name}': {first_fault(error)}"
             raise ConfigurationError(fault) from None
-
-
-def _first(error: ConfigurationError) -> str:
-    """The first line of a message."""
-    return str(error).splitlines()[0]
 
 
 def _check_scenarios(config: Mapping[str, Any]) -> None:
@@ -246,7 +241,7 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
         try:
             shares = typed(survey, StatedSurvey).prior.shares
         except ConfigurationError as error:
-            raise ConfigurationError(f"{key}.prior': {_first(error)}") from None
+            raise ConfigurationError(f"{key}.prior': {first_fault(error)}") from None
         if shares["table"] > 0.0 and survey["prior_table"] is None:
             raise ConfigurationError(
                 f"{key}.prior.table' needs a table of states; give it as 'surveys.{name}."

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from cislunar.campaign.settings.cell_tree import CellChange
 from cislunar.campaign.settings.cells import Cell, grid_cells, has_architecture
-from cislunar.campaign.settings.reading import checked, merged, with_types
+from cislunar.campaign.settings.reading import checked, first_fault, merged, with_types
 from cislunar.campaign.settings.scenarios import require_scenario
 from cislunar.campaign.settings.tree import Scenario
 from cislunar.errors import ConfigurationError, did_you_mean, known_keys
@@ -174,10 +174,8 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
                     # also makes Julian dates of dates
                     entry = checked(entry, Scenario, f"scenarios.{point.scenario}")
                 except ConfigurationError as error:
-                    fault = str(error).splitlines()[0]
-                    raise ConfigurationError(
-                        f"configuration key 'sweeps.{name}': {fault}"
-                    ) from None
+                    fault = f"configuration key 'sweeps.{name}': {first_fault(error)}"
+                    raise ConfigurationError(fault) from None
                 scenarios[point.scenario] = entry
     variants = {key: task2["variants"][key] for key in ("scenario", "architecture", "pooled")}
     cells = {variant.name: variant.entry for variant in stated_variants(config)}

@@ -149,6 +149,11 @@ def typed(config: Mapping[str, Any], model: type[Part], place: str = "") -> Part
     raise ConfigurationError(lines) from None
 
 
+def first_fault(error: ConfigurationError) -> str:
+    """The first line of a message of `typed`."""
+    return str(error).splitlines()[0]
+
+
 def checked(
     config: Mapping[str, Any], model: type[Section] = Campaign, place: str = ""
 ) -> dict[str, Any]:
