@@ -20,6 +20,7 @@ from cislunar.orbit_determination import (
 from cislunar.runtime import Indices
 from cislunar.survey.maneuvers.division import divided, overlapping_pairs, replaced
 from cislunar.survey.maneuvers.duplicates import duplicate_orbits
+from cislunar.survey.maneuvers.line_integrals import moments
 from cislunar.survey.maneuvers.lineage import Lineage, OrbitPaths, find_lineage, orbit_paths
 from cislunar.survey.maneuvers.misses import Watch, log_missed
 from cislunar.survey.maneuvers.neighbors import divided_neighbors
@@ -44,8 +45,8 @@ class ManeuveredOrbits(NamedTuple):
         is that of both orbits.
     averaged : OrbitFits
         The orbits with states and covariances that allow for undetected maneuvers
-        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`), except for orbits whose state is that of
-        both, which are the same as in `orbits`.
+        (`cislunar.survey.maneuvers.OrbitsWithManeuvers`). A state of both orbits is averaged with
+        that of the later orbit alone.
     status : tuple of str
         CURRENT, LOST or SUPERSEDED.
     lineage : Lineage
@@ -151,10 +152,9 @@ def maneuvered_orbits(
     found = found._replace(before=before, after=after)
     within = within._replace(before=own[within.before], after=own[within.after])
     pairs = np.flatnonzero(~linked.confirmed[after])
-    joint = after[pairs], found.state[pairs], found.covariance[pairs]
-    likeliest, averaged = (
-        replaced(linked.fits, own, each).updated(*joint) for each in (fits, averaged)
-    )
+    likeliest, averaged = (replaced(linked.fits, own, each) for each in (fits, averaged))
+    averaged = _averaged_joint(averaged, found.take(pairs), settings)
+    likeliest = likeliest.updated(after[pairs], found.state[pairs], found.covariance[pairs])
     status[before] = SUPERSEDED
     if watch is not None and own.size:
         rest = np.flatnonzero(sure & (status[own] == CURRENT))
@@ -175,6 +175,24 @@ def maneuvered_orbits(
         tuple(status.tolist()),
         Lineage(*map(np.concatenate, zip(found, within, strict=True))),
     )
+
+
+def _averaged_joint(averaged: OrbitFits, found: Lineage, settings: LineageSettings) -> OrbitFits:
+    """Orbits with the states of both orbits of pairs, averaged over this and the state of the later
+    orbit alone. The latter is right if the pair is not of one object, or if the object has made a
+    further maneuver."""
+    since = (averaged.epoch[found.after] - found.time) * TIME_UNIT_S / SECONDS_PER_DAY
+    one = found.probability * np.exp(-settings.maneuvers_per_day * np.maximum(since, 0.0))
+    mixed = [
+        moments(
+            np.array([share, 1.0 - share]),
+            np.array([found.state[k], averaged.state[b]]),
+            np.array([found.covariance[k], averaged.covariance[b]]),
+        )
+        for k, (b, share) in enumerate(zip(found.after.tolist(), one.tolist(), strict=True))
+    ]
+    state, covariance = (np.array([each[c] for each in mixed]) for c in range(2))
+    return averaged.updated(found.after, state.reshape(-1, 6), covariance.reshape(-1, 6, 6))
 
 
 def _within_again(within: Lineage, changed: Indices, again: Lineage) -> Lineage:

@@ -254,11 +254,12 @@ class _Search:
             q, inverse = _inverse(design)
             self.state = self.state + (inverse @ (q.T @ residual))[:6]
             self.covariance = self._covariance(q, inverse)
-        self.averaged = self.state, self.covariance
         coarse = self.time[0] + span / max(count, 1) * (np.arange(count) + 0.5)
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
         by_coarse = self._by_velocity(coarse) if count else None
-        while count and len(rows) < _MOST:
+        # probabilities, states and covariances without a further maneuver, and with one
+        ended, left, number = [], 1.0, 0
+        while count and number < _MOST:
             sums = self._sums(q, residual - q @ (q.T @ residual))
             basis, width = q.T @ design[:, :6], span / count
             log_part, *_ = self._integrand(sums, basis, coarse, by_coarse, width)
@@ -273,25 +274,26 @@ class _Search:
                 share.ravel(), np.einsum("tij,stj->sti", gain, change).reshape(-1, 6),
                 (gain @ spread @ gain.swapaxes(1, 2)).reshape(-1, 6, 6),
             )  # fmt: skip
-            more = extra + (1.0 - probability) * np.outer(shift, shift)
-            self.averaged = self.state + probability * shift, self.covariance + probability * more
+            ended.append((left * (1.0 - probability), self.state, self.covariance))
+            left *= probability
+            last = left, self.state + shift, self.covariance + extra
             if log_ratio < 0.0:
                 break
             self.moved = True
-            self.state, self.covariance = self.state + shift, self.covariance + extra
-            if probability < self.settings.least_probability:
-                break
-            at = share.sum(axis=0)
-            when = float(at @ time)
-            variance = float(at @ ((time - when) ** 2 + width**2 / 12.0))
-            velocity, between = moments(
-                share.ravel(), change.reshape(-1, 3), spread.reshape(-1, 3, 3)
-            )
-            rows.append((
-                self.k, self.k, log_ratio, probability, when, np.sqrt(variance),
-                VELOCITY_UNIT_M_S * velocity, VELOCITY_UNIT_M_S**2 * between,
-                self.state, self.covariance,
-            ))  # fmt: skip
+            _, self.state, self.covariance = last
+            number += 1
+            if probability >= self.settings.least_probability and len(rows) == number - 1:
+                at = share.sum(axis=0)
+                when = float(at @ time)
+                variance = float(at @ ((time - when) ** 2 + width**2 / 12.0))
+                velocity, between = moments(
+                    share.ravel(), change.reshape(-1, 3), spread.reshape(-1, 3, 3)
+                )
+                rows.append((
+                    self.k, self.k, log_ratio, probability, when, np.sqrt(variance),
+                    VELOCITY_UNIT_M_S * velocity, VELOCITY_UNIT_M_S**2 * between,
+                    self.state, self.covariance,
+                ))  # fmt: skip
             # further ones are sought beside the most probable one, with its prior
             scale, best = np.unravel_index(np.argmax(share), share.shape)
             n = design.shape[1]
@@ -302,4 +304,7 @@ class _Search:
             design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])
             residual = np.concatenate([residual, np.zeros(3)])
             q, inverse = _inverse(design)
+        self.averaged = self.state, self.covariance
+        if ended:
+            self.averaged = moments(*map(np.array, zip(*ended, last, strict=True)))
         return rows
