@@ -13,18 +13,20 @@ to none are
 The generalized likelihood ratio of Willsky & Jones (1976, IEEE Transactions on Automatic Control
 21, 108) maximizes over time and impulse instead of integrating over a prior. The decisions of the
 catalog use the more probable of the two: if L exceeds 1, the state is that after a maneuver, with
-the moments of the mixture over times and scales. A second state and covariance average over both,
-with the probability p = L / (1 + L) of a maneuver. With the mean m and the covariance V of the
-difference that a maneuver makes, and the state x and the covariance P without it, they are
+the moments of the mixture over times and scales, and a further maneuver is sought, up to a total of
+four. The derivatives with respect to the most probable impulse are then appended to A. If L_i is
+the ratio for the i-th maneuver after i - 1 others, p_i = L_i / (1 + L_i), and x_i and P_i are state
+and covariance after i maneuvers, a second state and covariance average over the numbers of
+maneuvers: they are the moments of the mixture of the x_i and P_i with the probabilities
 
-    x + p m,   P + p V + p (1 - p) m m'.                                                       (2)
+    p_1 ... p_i (1 - p_(i+1)),                                                                 (2)
+
+up to the first i with L_i < 1, or to four, after which no further one counts. With n the last one,
+its probability is p_1 ... p_n.
 
 A maneuver shortly before the last detections hardly changes the angles, but it changes the
 velocity. If it is not detected, the first covariance can be too small by orders of magnitude. The
-averaged one is larger, but may still be too small. If the probability of a maneuver is at least
-`LineageSettings.least_probability`, a further one is sought, up to a total of four. The derivatives
-with respect to the most probable impulse are then appended to A, and x and P include the maneuvers
-found before.
+averaged one is larger, but may still be too small.
 
 If the radiation pressure on objects is uncertain, its factor is estimated with the state: A has the
 derivative by it, and its prior is a further residual. Covariances consider what remains of the
@@ -35,6 +37,7 @@ Assumptions and limitations
 - A maneuver is an impulse.
 - All objects have the same rate of maneuvers. The search ends if one further maneuver is
   improbable, although two together may be more probable, as in a gap without detections.
+- The mixture has no part without the earlier of two maneuvers and with the later one.
 - The sums of equation (1) lose digits if a disturbance grows by more than 1e4 between the first and
   the last detection of an orbit, as over two weeks near L1.
 - Residuals are linear in the impulse and in the factor, as they are if one fit nearly agrees with
@@ -78,11 +81,10 @@ class OrbitsWithManeuvers(NamedTuple):
         With other states, covariances and roots of the orbits that contain a maneuver with a
         probability of at least one half, and of all if the radiation pressure is uncertain.
     averaged : OrbitFits
-        With states, covariances and roots that allow for a maneuver beside those of `lineage`
-        according to its probability, equation (2).
+        With states, covariances and roots that average over the number of maneuvers, equation (2).
     lineage : Lineage
-        Maneuvers of at least `LineageSettings.least_probability`, each of which has the same orbit
-        before and after it.
+        Maneuvers of at least `LineageSettings.least_probability`, if all earlier ones of the search
+        have it, too. Each has the same orbit before and after it.
     """
 
     fits: OrbitFits
