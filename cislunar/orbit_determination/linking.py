@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.association import gate_threshold
-from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
@@ -46,6 +46,7 @@ from cislunar.orbit_determination.verdicts import (
     ORBIT,
     SEVERAL_ORBITS,
     agrees,
+    determined_by_one,
     log_evidence,
     separation_probability,
     undetermined_directions,
@@ -344,7 +345,7 @@ def _described(
     fits = concatenate_fits(parts, found.empty)
     free = undetermined_directions(fits, region, settings.verdict)
     separation = separation_probability(fits, angles, forces=forces)
-    verdicts, rivals, confirmed, solutions = [], [], [], {}
+    verdicts, rivals, seen, solutions = [], [], [], {}
     taken = np.zeros(angles.time.size, dtype=bool)
     taken[fits.row] = True
     for position, k in enumerate(chosen):
@@ -367,12 +368,25 @@ def _described(
         verdict = SEVERAL_ORBITS if others else ORBIT
         verdicts.append(DIRECTION_ONLY if free[position] else verdict)
         rivals.append(concatenate_fits(others, found.empty))
-        confirmed.append(
-            settings.confirmation.confirms(
-                observers, verdicts[-1], found.scores[k], float(separation[position])
-            )
-        )
+        seen.append((observers, verdicts[-1], found.scores[k], float(separation[position])))
+    confirmed = np.array([settings.confirmation.confirms(*each) for each in seen], dtype=bool)
+    left = np.flatnonzero(~confirmed & (np.array(verdicts, dtype=object) == ORBIT))
+    by_one = _by_one(found, fits.take(left))
+    confirmed[left] = [
+        settings.confirmation.confirms(*seen[k], by_one=one)
+        for k, one in zip(left.tolist(), by_one.tolist(), strict=True)
+    ]
     return LinkedOrbits(
-        fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free,
-        np.array(confirmed, dtype=bool), tuple(rivals), solutions,
+        fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free, confirmed,
+        tuple(rivals), solutions,
     )  # fmt: skip
+
+
+def _by_one(found: LinkHypotheses, fits: OrbitFits) -> NDArray[np.bool_]:
+    """Whether the detections of one observer determine orbits as the rule of confirmation asks."""
+    angles, _, forces, region, settings = found.data
+    rule, given = settings.confirmation, (angles, region, settings.verdict)
+    determined, probability = determined_by_one(fits, *given, forces=forces)
+    sigma = np.sqrt(np.trace(fits.covariance[:, :3, :3], axis1=1, axis2=2)) * LENGTH_UNIT_KM
+    small = sigma <= rule.largest_sigma_km
+    return determined & small & (probability >= rule.separation_significance)

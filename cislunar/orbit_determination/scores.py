@@ -32,10 +32,15 @@ class ConfirmationRule(Section):
     """When a linked orbit is confirmed; otherwise it stays a candidate.
 
     A confirmed orbit is the only one that its detections permit, all directions of state space are
-    determined, and its likelihood ratio is large enough. It also has tracklets of at least
-    `observers_alone` observers, or it has at least `tracklets` tracklets, and at least
-    `observers` observers with `tracklets_each` of them each. If it has two or three observers, the
-    hypothesis that one of them saw another object is rejected.
+    determined, and its likelihood ratio is large enough. One of two further conditions holds:
+
+    - The orbit has tracklets of at least `observers_alone` observers, or it has at least
+      `tracklets` tracklets, and at least `observers` observers with `tracklets_each` of them each.
+      If it has two or three observers, the hypothesis that one of them saw another object is
+      rejected.
+    - The orbit has at least `tracklets` tracklets, and its position has a standard deviation of at
+      most `largest_sigma_km`. The detections of one observer alone determine an orbit, and those of
+      the others agree with it (`cislunar.orbit_determination.verdicts.determined_by_one`).
     """
 
     # fmt: off
@@ -46,17 +51,26 @@ class ConfirmationRule(Section):
         "number of observers with several tracklets each that is sufficient", "1", default=2)
     tracklets_each: Count = setting("tracklets that each of these needs", "1", default=2)
     tracklets: Count = setting("tracklets that these need in all", "1", default=5)
+    largest_sigma_km: Positive = setting(
+        "largest standard deviation of the position of an orbit that one observer alone "
+        "determines", "km", default=100)
     least_log_ratio: Number = setting(
         "least logarithm of the likelihood ratio to false alarms", "1", default=10)
 
     separation_significance: number(gt=0, lt=0.5) = setting(
         "probability of a larger decrease of chi squared by an orbit of its own for each observer "
-        "of two or three, below which an orbit is not confirmed", "1", default=0.003)
+        "of two or three, or by all observers but one, below which an orbit is not confirmed", "1",
+        default=0.003)
 
     # fmt: on
 
     def confirms(
-        self, observers: ArrayLike, verdict: str, log_ratio: float, separation: float = 1.0
+        self,
+        observers: ArrayLike,
+        verdict: str,
+        log_ratio: float,
+        separation: float = 1.0,
+        by_one: bool = False,
     ) -> bool:
         """Whether an orbit is confirmed.
 
@@ -70,6 +84,9 @@ class ConfirmationRule(Section):
             Score of the orbit (`log_scores`).
         separation : float
             See `cislunar.orbit_determination.verdicts.separation_probability`.
+        by_one : bool
+            Whether the detections of one observer determine the orbit, those of the others agree,
+            and the standard deviation of the position is small enough.
 
         Returns
         -------
@@ -80,12 +97,10 @@ class ConfirmationRule(Section):
         enough = counts.size >= self.observers_alone or (
             np.count_nonzero(several) >= self.observers and counts.sum() >= self.tracklets
         )
-        return bool(
-            enough
-            and verdict == ORBIT
-            and log_ratio >= self.least_log_ratio
-            and separation >= self.separation_significance
+        seen = (enough and separation >= self.separation_significance) or (
+            by_one and counts.sum() >= self.tracklets
         )
+        return bool(seen and verdict == ORBIT and log_ratio >= self.least_log_ratio)
 
 
 class LinkingSettings(Section):

@@ -131,6 +131,60 @@ def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) ->
     return out
 
 
+def determined_by_one(
+    fits: OrbitFits,
+    angles: Angles,
+    region: AdmissibleRegion,
+    settings: VerdictSettings | None = None,
+    *,
+    forces: tuple,
+) -> tuple[NDArray[np.bool_], Array]:
+    """Whether the detections of one observer alone determine an orbit, and whether those of all
+    others agree with it.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits.
+    angles : Angles
+    region : AdmissibleRegion
+    settings : VerdictSettings, optional
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    determined : ndarray of bool, shape (fit,)
+        Whether a fit to the detections of the observer with most detections (the first of equals)
+        agrees with them and leaves no direction of state space undetermined.
+    probability : ndarray, shape (fit,)
+        Probability of a larger increase of chi squared by the angles of all other observers, each
+        of which is a degree of freedom; 1 if there are none.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the times of the angles.
+    """
+    settings = VerdictSettings() if settings is None else settings
+    parts = []
+    for k in range(fits.epoch.size):
+        rows = fits.detections(k)
+        observers, count = np.unique(angles.observer[rows], return_counts=True)
+        parts.append(rows[angles.observer[rows] == observers[np.argmax(count)]])
+    own = np.array([k for k, part in enumerate(parts) if part.size >= 3], dtype=np.int64)
+    alone = fit_orbits(
+        angles, [parts[k] for k in own], fits.state[own], fits.epoch[own], forces=forces
+    )
+    determined, probability = np.zeros(len(parts), dtype=bool), np.zeros(len(parts))
+    determined[own] = agrees(alone, settings.significance)
+    determined[own] &= undetermined_directions(alone, region, settings) == 0
+    increase = np.maximum(fits.chi_squared[own] - alone.chi_squared, 0.0)
+    degrees = 2 * (np.diff(fits.begin)[own] - np.diff(alone.begin))
+    probability[own] = np.where(degrees > 0, chi2.sf(increase, np.maximum(degrees, 1)), 1.0)
+    return determined, probability
+
+
 def undetermined_directions(
     fits: OrbitFits, region: AdmissibleRegion, settings: VerdictSettings | None = None
 ) -> Indices:
