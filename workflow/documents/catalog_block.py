@@ -87,8 +87,8 @@ _COLUMNS = {
                terms="Coverage is the share of the correct orbits whose 95 % covariance ellipsoid "
                "contains the true state at the last detection."),
         Column("NEES, averaged state and covariance", "nees_averaged", ".3g",
-               terms="Averaged states and covariances are those of a mixture of two hypotheses, "
-               "that the object made an undetected maneuver and that it made none."),
+               terms="Averaged states and covariances are those of a mixture over the number of "
+               "maneuvers that the object made before its last detection."),
         Column("Coverage, averaged state and covariance (%)", "covered_averaged", ".1f", 100.0),
         Column("NEES, unmaneuvered objects", "nees_ballistic", ".3g",
                terms="Unmaneuvered objects have not maneuvered before the end of the stated days."),
