@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.association import gate_threshold
 from cislunar.detection import DetectionProcess, Detections, Exposures, boresight_vectors
 from cislunar.estimation.navigation import ObserverErrors
 from cislunar.observation import Scene, SensorLimits, unit_vectors
@@ -60,8 +61,9 @@ from cislunar.survey.settings import LineageSettings
 _LEAST_COSINE = 1e-3
 """Of the declination, for the covariance of right ascension next to the pole."""
 
-_GATE, _CURVATURE = 3.0, np.deg2rad(0.02)
-"""Gate of a prediction in standard deviations, and what a straight path over minutes may miss."""
+_GATE, _CURVATURE = 0.9973, np.deg2rad(0.02)
+"""Probability that the gate of a prediction keeps a detection of its object, and what a straight
+path over minutes may miss."""
 
 
 class Predictions(NamedTuple):
@@ -229,7 +231,9 @@ class SurveyCatalog:
         angles = self.angles
         rate = frame_rate(self.forces)
         formed = form_tracklets(angles, self.settings, rate=rate)
-        self.tracklets = attributables(angles, formed, rate=rate, known=self.tracklets)
+        # a calibration changes the angles
+        same = None if self.errors.treatment == "calibrated" else self.tracklets
+        self.tracklets = attributables(angles, formed, rate=rate, known=same)
         limits = np.concatenate([np.empty(0), *self._limits])
         # what is not a false alarm may be of objects that are not linked
         others = angles.time.size / max(self._area_deg2, 1.0) - self.process.false_alarms_deg2
@@ -334,14 +338,26 @@ class SurveyCatalog:
         -------
         ndarray of bool, shape (row,)
         """
+        out = np.zeros(angles.time.size, dtype=bool)
         if len(now.state) == 0 or angles.time.size == 0:
-            return np.zeros(angles.time.size, dtype=bool)
+            return out
+        gate = gate_threshold(_GATE, 2)
         since = (angles.time - time)[:, None, None]
         way = now.state[:, :3] + since * now.state[:, 3:] - angles.observer_position[:, None]
         distance = np.linalg.norm(way, axis=2)
         apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
         spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
-        return np.any(apart <= _GATE * spread / distance + _CURVATURE, axis=1)
+        # within the circle about the ellipse, of any direction
+        row, k = np.nonzero(apart <= np.sqrt(gate) * (spread / distance + _CURVATURE))
+        h = angles.basis[row] / distance[row, k][:, None, None]
+        s = h @ now.covariance[k, :3, :3] @ h.swapaxes(1, 2) + _CURVATURE**2 * np.eye(2)
+        x = np.einsum("nac,nc->na", h, way[row, k])
+        det = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2
+        squared = s[:, 1, 1] * x[:, 0] ** 2 - 2.0 * s[:, 0, 1] * x[:, 0] * x[:, 1]
+        squared += s[:, 0, 0] * x[:, 1] ** 2
+        # an orbit whose covariance is singular in double precision explains nothing
+        out[row[(det > 0.0) & (squared >= 0.0) & (squared <= gate * det)]] = True
+        return out
 
 
 def _nothing() -> Angles:
