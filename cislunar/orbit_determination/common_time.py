@@ -151,6 +151,10 @@ class OrbitStates(NamedTuple):
         """The states of fits at their epochs."""
         return cls(*fits[:3], np.zeros_like(fits.state))
 
+    def take(self, which: Indices) -> "OrbitStates":
+        """Some of the orbits."""
+        return OrbitStates(*(each[which] for each in self))
+
     @property
     def covariance(self) -> Array:
         """Covariances (orbit, 6, 6) of the states, equation (1)."""

@@ -68,13 +68,15 @@ path over minutes may miss."""
 
 class Predictions(NamedTuple):
     """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
-    propagation frame; `existence` (orbit,), the probability that the orbit is of an object; and
-    `detections` (orbit,), their number so far."""
+    propagation frame; `existence` (orbit,), the probability that the orbit is of an object;
+    `detections` (orbit,), their number so far; and `planned` (orbit, 6, 6), the covariance with the
+    measurements that have been planned since the orbits were linked."""
 
     state: Array
     covariance: Array
     existence: Array
     detections: Indices
+    planned: Array
 
 
 class SurveyCatalog:
@@ -152,7 +154,7 @@ class SurveyCatalog:
         self._angles: list[Angles] = []
         self._limits: list[Array] = []
         self._area_deg2 = 0.0
-        self._predicted: tuple[OrbitStates, Predictions] | None = None
+        self._predicted: tuple[OrbitStates, Predictions, OrbitStates] | None = None
 
     def add(self, exposures: Exposures, detections: Detections, first: int) -> Angles:
         """Take up what the exposures of a block have returned, and return it as angles; `first` is
@@ -304,23 +306,40 @@ class SurveyCatalog:
         return Watch(fields, self.scene, self.limits, *given)
 
     def predict(self, time: float) -> Predictions:
-        """Orbits at a later time than the last detection; those that meet a body are left out."""
+        """Orbits at a later time than the last detection. Those that meet a body are left out, and
+        those whose position is less certain than that of an unknown object."""
         if self.orbits is None:
-            none = np.empty(0, dtype=np.int64)
-            return Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0), none)
+            none, shape = np.empty(0, dtype=np.int64), (0, 6, 6)
+            return Predictions(
+                np.empty((0, 6)), np.empty(shape), np.empty(0), none, np.empty(shape)
+            )
         if self._predicted is None:
             current = [k for k, each in enumerate(self.status) if each == CURRENT]
             fits = self.orbits.fits.take(current)
             starts = OrbitStates.of(fits)
             existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio[current], 50.0)))
-            count = np.diff(fits.begin)
+            count, planned = np.diff(fits.begin), starts
         else:
-            starts, last = self._predicted
+            starts, last, planned = self._predicted
             existence, count = last.existence, last.detections
         states, kept = orbits_at(starts, time, self.forces, self.radiation_sigma)
-        found = Predictions(states.state, states.covariance, existence[kept], count[kept])
-        self._predicted = states, found
+        planned, both = orbits_at(planned.take(kept), time, self.forces)
+        states, kept = states.take(both), kept[both]
+        spread = np.trace(states.covariance[:, :3, :3], axis1=1, axis2=2)
+        certain = np.flatnonzero(spread < 3.0 * self.region.position_sigma**2)
+        states, planned, kept = states.take(certain), planned.take(certain), kept[certain]
+        found = Predictions(
+            states.state, states.covariance, existence[kept], count[kept], planned.covariance
+        )
+        self._predicted = states, found, planned
         return found
+
+    def take_plan(self, planned: Array) -> None:
+        """Take up the covariances (orbit, 6, 6) of the last prediction with what has been planned
+        for them."""
+        if self._predicted is not None:
+            states, found, before = self._predicted
+            self._predicted = states, found, before._replace(known_radiation=planned)
 
     def explains(self, angles: Angles, now: Predictions, time: float) -> NDArray[np.bool_]:
         """Which detections are within the gate of an orbit.
@@ -348,7 +367,8 @@ class SurveyCatalog:
         apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
         spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
         # within the circle about the ellipse, of any direction
-        row, k = np.nonzero(apart <= np.sqrt(gate) * (spread / distance + _CURVATURE))
+        ahead = np.einsum("nkc,nc->nk", way, angles.direction) > 0.0
+        row, k = np.nonzero(ahead & (apart <= np.sqrt(gate) * (spread / distance + _CURVATURE)))
         h = angles.basis[row] / distance[row, k][:, None, None]
         s = h @ now.covariance[k, :3, :3] @ h.swapaxes(1, 2) + _CURVATURE**2 * np.eye(2)
         x = np.einsum("nac,nc->na", h, way[row, k])

@@ -23,8 +23,11 @@ times that number, with the scatter s of an object's magnitudes: the information
 quantity, but at most that on six parameters of a rotation which n magnitudes have determined.
 Observers choose one after the other. Each choice lowers the weights of
 the particles in the field and the covariances of the orbits in it, so that another observer takes
-the same field only for what is left. The observer that begins changes from block to block. If the
-search ends before the survey (`SearchSettings.search_days`), the first sum is then left out.
+the same field only for what is left. If fewer than half of the positions that an orbit may have
+will be detected, the probabilities of the other positions remain. The covariances with the planned
+measurements are kept until orbits are linked again. The observer that begins changes from block to
+block. If the search ends before the survey (`SearchSettings.search_days`), the first sum is then
+left out.
 """
 
 from typing import NamedTuple
@@ -132,7 +135,7 @@ class SearchPlanner:
         known: Predictions,
         known_fields: Indices,
         known_probability: Array,
-    ) -> Visits:
+    ) -> tuple[Visits, Array]:
         """Choose the exposures of a block.
 
         Parameters
@@ -147,12 +150,19 @@ class SearchPlanner:
             Linked orbits in the middle of the block.
         known_fields, known_probability : ndarray, shape (observer, orbit, draw)
             The same for positions that represent the uncertainty of the known orbits.
+
+        Returns
+        -------
+        visits : Visits
+        planned : ndarray, shape (orbit, 6, 6)
+            Covariances of the known orbits with the planned measurements.
         """
         n, last = len(self.grids), self.settings.search_days
         chosen: list[Indices] = [np.empty(0, dtype=np.int64)] * n
         strategy, left, count = self.settings.strategy, weight.copy(), known.detections.copy()
-        position, covariance = known.state[:, :3], known.covariance[:, :3, :3].copy()
-        each = known.existence / known_probability.shape[2]
+        position, covariance = known.state[:, :3], known.planned.copy()
+        draws = known_probability.shape[2]
+        mass = np.repeat(known.existence[:, None] / draws, draws, axis=1)
         if last is not None and index * self.scene.step_s > last * SECONDS_PER_DAY:
             strategy, left = DENSITY, np.zeros_like(weight)
         for turn in range(n):
@@ -164,7 +174,7 @@ class SearchPlanner:
             else:
                 gain = self._information(o, index, position, covariance)
                 gain += self._brightness_worth(o, count)
-                chance = known_probability[o] * each[:, None]
+                chance = known_probability[o] * mass
                 size = len(self.grids[o].center)
                 worth = np.bincount(fields[o], left * probability[o], minlength=size)
                 worth += np.bincount(
@@ -174,11 +184,13 @@ class SearchPlanner:
                 within = np.isin(fields[o], chosen[o])
                 left[within] *= 1.0 - self.settings.detection_weight * probability[o, within]
                 share = np.isin(known_fields[o], chosen[o]) * known_probability[o]
-                taken = np.flatnonzero(share.mean(axis=1) > 0.5)
+                most = share.mean(axis=1) > 0.5
+                taken, other = np.flatnonzero(most), np.flatnonzero(~most)
                 count[taken] += self.settings.visits
                 covariance[taken] = self._measured(o, index, position[taken], covariance[taken])
+                mass[other] *= 1.0 - share[other]
         self._block += 1
-        return self._timed(chosen)
+        return self._timed(chosen), covariance
 
     def exposures(self, visits: Visits, first: int) -> Exposures:
         """Exposures of planned visits; `first` is the index of the block's first step."""
@@ -212,7 +224,7 @@ class SearchPlanner:
         if self.settings.information_worth == 0.0 or len(position) == 0:
             return np.zeros(len(position))
         h, noise = self._tangents(o, index, position)
-        spread = h @ covariance @ h.swapaxes(1, 2) / noise[:, None, None]
+        spread = h @ covariance[:, :3, :3] @ h.swapaxes(1, 2) / noise[:, None, None]
         sign, log_det = np.linalg.slogdet(np.eye(2) + spread)
         # nothing is left to be learned if rounding has made a covariance indefinite
         nats = 0.5 * np.where((sign > 0.0) & np.isfinite(log_det), log_det, 0.0)
@@ -231,8 +243,8 @@ class SearchPlanner:
         if len(position) == 0:
             return covariance
         h, noise = self._tangents(o, index, position)
-        mapped = covariance @ h.swapaxes(1, 2)
-        spread = h @ mapped + noise[:, None, None] * np.eye(2)
+        mapped = covariance[:, :, :3] @ h.swapaxes(1, 2)
+        spread = h @ mapped[:, :3] + noise[:, None, None] * np.eye(2)
         return covariance - mapped @ np.linalg.solve(spread, mapped.swapaxes(1, 2))
 
     def _best(self, o: int, worth: Array) -> Indices:

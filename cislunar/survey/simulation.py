@@ -237,7 +237,9 @@ class _Survey:
         fields = self.planner.fields_of(seen)
         now = self.catalog.predict(middle * scene.step)
         weight = self._without_pending()
-        visits = self.planner.plan(middle, weight, fields, chance, now, *self._drawn(now, middle))
+        drawn = self._drawn(now, middle)
+        visits, planned = self.planner.plan(middle, weight, fields, chance, now, *drawn)
+        self.catalog.take_plan(planned)
         exposures = self.planner.exposures(visits, start + 1)
         detections, origin = self.world.observe(block, start, n, exposures)
         self.n_exposures += exposures.step.size

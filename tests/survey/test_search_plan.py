@@ -22,7 +22,9 @@ from cislunar.tasking import tracking_problem
 
 SCENE = tracking_problem(n_observers=3, n_targets=1, duration_hours=4).scene
 LIMITS = sensor_limits(Sensor(), 3)
-NONE = Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0), np.empty(0, dtype=int))
+NONE = Predictions(
+    np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0), np.empty(0, dtype=int), np.empty((0, 6, 6))
+)
 NO_FIELDS, NO_CHANCE = np.empty((3, 0, 2), dtype=int), np.empty((3, 0, 2))
 
 
@@ -31,11 +33,11 @@ def orbit_at(place, covariance, detections=0):
     whole = np.zeros((1, 6, 6))
     whole[0, :3, :3] = covariance
     state, count = np.append(place, np.zeros(3))[None], np.array([detections])
-    return Predictions(state, whole, np.ones(1), count)
+    return Predictions(state, whole, np.ones(1), count, whole)
 
 
 def planned(planner, weight, fields, chance, known=NONE, own=(NO_FIELDS, NO_CHANCE)):
-    return planner.plan(10, weight, fields, chance, known, *own)
+    return planner.plan(10, weight, fields, chance, known, *own)[0]
 
 
 @pytest.mark.parametrize("width", [0.7, 3.0, 10.0])

@@ -214,7 +214,7 @@ def test_detections_near_a_predicted_position_are_explained():
     covariance = np.zeros((1, 6, 6))
     covariance[0, :3, :3] = np.diag([0.0, 1e-6, 0.0])
     state = np.concatenate([position, velocity])[None]
-    now = Predictions(state, covariance, np.ones(1), np.ones(1, dtype=int))
+    now = Predictions(state, covariance, np.ones(1), np.ones(1, dtype=int), covariance)
     later = time + 1e-3
     offsets = np.array([0.0, 0.003, 0.004, 0.1])
     ways = position + 1e-3 * velocity + offsets[:, None] * np.array([0.0, 1.0, 0.0])
