@@ -182,13 +182,21 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, recent, free) -> None:
     keep = zip(before.tracklets, known.confirmed[which][good], strict=True)
     steady = [each for each, confirmed in keep if confirmed and each in found.index]
     usable = found.disjoint(steady) & (tracklets.time >= tracklets.time[-1] - longest)
-    _extend(found, before, recent | usable, free, least=2)
+    # a pair with a tracklet of another observer may determine an orbit that is not determined yet
+    determined = [known.verdict[which[k]] == ORBIT for k in good.tolist()]
+    _extend(found, before, recent | usable, free, determined)
 
 
-def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
+def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, exclusive=None) -> None:
+    """Extend orbits, and mark the tracklets of `exclusive` (orbit,) ones as no longer free; of
+    those with enough tracklets if it is omitted."""
     extended = found.extended(orbits, usable)
     found.add(extended)
-    taken = [each for each in extended.tracklets if len(each) >= least and each in found.index]
+    if exclusive is None:
+        least = found.data[4].exclusive_tracklets
+        exclusive = [len(each) >= least for each in extended.tracklets]
+    pairs = zip(extended.tracklets, exclusive, strict=True)
+    taken = [each for each, own in pairs if own and each in found.index]
     if taken:
         free &= found.disjoint(taken)
 
@@ -228,7 +236,7 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float) ->
             order = order[still]
             now, order = order[:_EXTENDED], order[_EXTENDED:]
             orbits = OrbitHypotheses(seeds.take(now), tuple(members[k] for k in now.tolist()))
-            _extend(found, orbits, free, free, settings.exclusive_tracklets)
+            _extend(found, orbits, free, free)
         begin = int(usable[end - 1]) + 1
 
 
