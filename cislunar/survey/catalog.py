@@ -364,14 +364,17 @@ class SurveyCatalog:
         since = (angles.time - time)[:, None, None]
         way = now.state[:, :3] + since * now.state[:, 3:] - angles.observer_position[:, None]
         distance = np.linalg.norm(way, axis=2)
-        apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
+        unit = way / distance[..., None]
+        apart = np.linalg.norm(unit - angles.direction[:, None], axis=2)
         spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
         # within the circle about the ellipse, of any direction
         ahead = np.einsum("nkc,nc->nk", way, angles.direction) > 0.0
         row, k = np.nonzero(ahead & (apart <= np.sqrt(gate) * (spread / distance + _CURVATURE)))
-        h = angles.basis[row] / distance[row, k][:, None, None]
+        basis, direction = tangent_basis(unit[row, k]), angles.direction[row]
+        h = basis / distance[row, k][:, None, None]
         s = h @ now.covariance[k, :3, :3] @ h.swapaxes(1, 2) + _CURVATURE**2 * np.eye(2)
-        x = np.einsum("nac,nc->na", h, way[row, k])
+        x = np.einsum("nac,nc->na", basis, direction)
+        x /= np.einsum("nc,nc->n", unit[row, k], direction)[:, None]
         det = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2
         squared = s[:, 1, 1] * x[:, 0] ** 2 - 2.0 * s[:, 0, 1] * x[:, 0] * x[:, 1]
         squared += s[:, 0, 0] * x[:, 1] ** 2

@@ -244,6 +244,36 @@ def test_a_second_observer_is_worth_more_than_the_same_again():
         assert plan.field.tolist() == own[0][plan.observer, 0, 0].tolist() and plan.field.size == 6
 
 
+def test_planned_measurements_are_not_planned_again():
+    """The covariance that a plan returns is that of the whole state after all planned measurements,
+    by Kalman updates; a plan that begins with it looks elsewhere."""
+    rng, index, place = np.random.default_rng(2), 10, np.array([0.2, 0.9, 0.1])
+    root = 0.03 * rng.standard_normal((6, 6))
+    whole = (root @ root.T)[None]
+    known = orbit_at(place, np.eye(3))._replace(covariance=whole, planned=whole)
+    seen = views(SCENE, LIMITS, index, place[None])
+    own = (
+        SearchPlanner(SearchSettings(), SCENE, LIMITS).fields_of(seen)[:, :, None],
+        np.ones((3, 1, 1)),
+    )
+    weight, fields = np.array([0.5, 0.5]), np.array([[7, 8]] * 3)
+    given = weight, fields, np.full((3, 2), 0.8)
+    settings = SearchSettings(block_minutes=2, slew_rate_deg_s=20, information_worth=0.05)
+    planner = SearchPlanner(settings, SCENE, LIMITS)
+    plan, planned_covariance = planner.plan(index, *given, known, *own)
+    expected = whole[0]
+    for o in np.flatnonzero([own[0][o, 0, 0] in plan.field[plan.observer == o] for o in range(3)]):
+        h, noise = planner._tangents(o, index, place[None])
+        h = np.concatenate([h[0], np.zeros((2, 3))], axis=1)
+        gain = expected @ h.T @ np.linalg.inv(h @ expected @ h.T + noise[0] * np.eye(2))
+        expected = expected - gain @ h @ expected
+    assert np.trace(expected) < 0.5 * np.trace(whole[0])
+    np.testing.assert_allclose(planned_covariance[0], expected, rtol=1e-6, atol=1e-12)
+    planner = SearchPlanner(settings, SCENE, LIMITS)
+    plan, _ = planner.plan(index, *given, known._replace(planned=planned_covariance), *own)
+    assert np.isin(plan.field, [7, 8]).all()
+
+
 def test_baselines_sweep_the_clear_sky_and_stare_at_the_libration_points():
     nothing = np.empty(0), np.empty((3, 0), dtype=int), np.empty((3, 0))
     planner = SearchPlanner(SearchSettings(strategy="uniform-sweep"), SCENE, LIMITS)

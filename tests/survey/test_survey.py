@@ -224,3 +224,10 @@ def test_detections_near_a_predicted_position_are_explained():
     assert found.tolist() == [True, True, False, False]
     nothing = Predictions(*(each[:0] for each in now))
     assert not SurveyCatalog.explains(None, angles, nothing, time).any()
+    # an open range explains nothing beside the line of sight, or behind the observer
+    covariance[0, 0, 0], state[0, 3:] = 1e6, 0.0
+    ways = position + offsets[:, None] * np.array([0.0, 1.0, 0.0])
+    ways = np.concatenate([ways, -ways[:1]])
+    angles = make_angles(np.full(5, time), np.zeros(5, int), np.tile(place, (5, 1)), ways, 1e-5)
+    found = SurveyCatalog.explains(None, angles, now, time)
+    assert found.tolist() == [True, True, False, False, False]
