@@ -84,7 +84,7 @@ class SearchSettings(Section):
         "several tracklets", "1", default=0.5)
     information_worth: NotNegative = setting(
         "worth of one nat of information on a known orbit, in detections of new objects; 0: "
-        "without follow-up", "1", default=0.05)
+        "without follow-up", "1", default=0.1)
     characterization_worth: NotNegative = setting(
         "worth of one nat of information on the light curve of a known orbit, in detections of new "
         "objects; 0: plans disregard light curves", "1", default=0)
