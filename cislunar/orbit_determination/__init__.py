@@ -20,7 +20,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "tracklets": ["Attributables", "TrackletSettings", "attributables", "form_tracklets"],
     "verdicts": ["CONTRADICTORY", "DIRECTION_ONLY", "NO_ORBIT", "ORBIT", "SEVERAL_ORBITS",
         "VerdictSettings", "agrees", "determined_by_one", "log_evidence",
-        "separation_probability",
-        "undetermined_directions"],
+        "separation_probability", "undetermined_directions"],
 })
 # fmt: on

@@ -2,8 +2,8 @@
 
 A hypothesis is an orbit with its detections; `cislunar.orbit_determination.scores` defines its
 score. Further tracklets are first attributed to orbits that are already known
-(`cislunar.orbit_determination.attribution`). Pairs of the remaining tracklets, first those with
-short gaps, then those with longer gaps, are fitted and extended in the same way. Of all hypotheses,
+(`cislunar.orbit_determination.attribution`). Pairs of tracklets of no determined orbit, first with
+short gaps, then with longer ones, are fitted and extended in the same way. Of all hypotheses,
 `link` selects the compatible set with the largest sum of scores; HiGHS proves that it is the
 largest (`cislunar.association.set_packing`; Poore 1994, Computational Optimization and Applications
 3, 27). If two selected orbits may belong to one object, their joint fit becomes a hypothesis, and

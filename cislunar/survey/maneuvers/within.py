@@ -260,8 +260,9 @@ class _Search:
         parts = max(1, int(np.ceil(span / max(count, 1) * TIME_UNIT_S / _FINE_S)))
         by_coarse = self._by_velocity(coarse) if count else None
         # probabilities, states and covariances without a further maneuver, and with one
-        ended, left, number = [], 1.0, 0
-        while count and number < _MOST:
+        ended, left = [], 1.0
+        last = left, self.state, self.covariance
+        while count and len(ended) < _MOST:
             sums = self._sums(q, residual - q @ (q.T @ residual))
             basis, width = q.T @ design[:, :6], span / count
             log_part, *_ = self._integrand(sums, basis, coarse, by_coarse, width)
@@ -283,8 +284,7 @@ class _Search:
                 break
             self.moved = True
             _, self.state, self.covariance = last
-            number += 1
-            if probability >= self.settings.least_probability and len(rows) == number - 1:
+            if probability >= self.settings.least_probability and len(rows) == len(ended) - 1:
                 at = share.sum(axis=0)
                 when = float(at @ time)
                 variance = float(at @ ((time - when) ** 2 + width**2 / 12.0))
@@ -306,7 +306,5 @@ class _Search:
             design = np.concatenate([np.concatenate([design, impulse], axis=1), prior])
             residual = np.concatenate([residual, np.zeros(3)])
             q, inverse = _inverse(design)
-        self.averaged = self.state, self.covariance
-        if ended:
-            self.averaged = moments(*map(np.array, zip(*ended, last, strict=True)))
+        self.averaged = moments(*map(np.array, zip(*ended, last, strict=True)))
         return rows
