@@ -2,10 +2,11 @@
 151, 150).
 
 The attributable of a tracklet is predicted by an orbit and its covariance P; the innovation nu of
-direction and rate has the covariance S = H Phi P Phi' H' + C. A tracklet within the gate is added
-if the fit to all angles agrees with them. The time from the orbit's detections within which
-tracklets are sought increases in steps, since the covariance of a short arc predicts distant
-tracklets badly.
+direction and rate has the covariance S = H Phi P Phi' H' + C. The prediction applies the estimators
+of the tracklet to the curved path, since its polynomials may be wrong by an arcminute within an
+hour. A tracklet within the gate is added if the fit to all angles agrees with them. The time from
+the orbit's detections within which tracklets are sought increases in steps, since the covariance of
+a short arc predicts distant tracklets badly.
 """
 
 from collections.abc import Iterable
@@ -20,13 +21,13 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.orbit_determination.angles import Angles, frame_rate
 from cislunar.orbit_determination.least_squares import NOT_CONVERGED, OrbitFits, fit_orbits
+from cislunar.orbit_determination.pairs import gravity_at
 from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
 from cislunar.runtime import Array, Indices
 
 _TOLERANCE = 1e-9
 """Of the propagation of predictions, which are uncertain by far more."""
-
 
 _FARTHEST = 0.1
 """Distance in the tangent plane from which on a tracklet is not of an orbit, however uncertain."""
@@ -40,7 +41,6 @@ _SHORT_ARC, _AT_ONCE, _MOST_AT_ONCE = 3, 4, 32
 largest number of tracklets that other orbits take before they are fitted again. The number grows
 to twice that of the last fit that agreed. If a fit with more than the smallest number does not
 agree, the orbit takes the smallest number again; otherwise it rejects the most probable one."""
-
 
 _MANY = 300
 """Detections of an orbit from which on its fit is a prior of fits to further detections."""
@@ -63,6 +63,25 @@ def _is_near(here, observer, direction, basis):
         east += basis[0, c] * line
         north += basis[1, c] * line
     return along > 0.0 and max(abs(east), abs(north)) <= _FARTHEST * along
+
+
+@njit_noalloc
+def _bend(here, line, rate, pull, observer, velocity, direction, curvature):
+    """Change a predicted state to what the estimators of a tracklet make of the path: the offset of
+    the direction has a second derivative due to gravity and to the change of the range. They are
+    applied to the path of the observer, too, so that its acceleration has no effect."""
+    along = outward = 0.0
+    turning = (-rate * here[1], rate * here[0], 0.0)
+    for c in range(3):
+        line[c] = here[3 + c] + turning[c] - velocity[c]
+        along += direction[c] * (here[c] - observer[c])
+        outward += direction[c] * line[c]
+    for c in range(3):
+        bent = pull[c] - 2.0 * outward / along * (line[c] - outward * direction[c])
+        here[c] += curvature[0] * bent
+        here[3 + c] += curvature[1] * bent + turning[c]
+    here[3] += rate * here[1]
+    here[4] -= rate * here[0]
 
 
 @njit_noalloc
@@ -91,12 +110,12 @@ def _may_match(here, observer, direction, basis, noise, covariance, gate, row):
 
 
 @njit(cache=True, error_model="numpy")
-def _predictions(forces, orbits, limits, tracklets, gate, out):
+def _predictions(forces, rate, orbits, limits, tracklets, gate, out):
     """States and transition matrices at the tracklets that orbits may match: those between the
     first two `limits` (4, orbit) but not between the last two; returns their number, -1 if there
     are too many."""
     epoch, state, covariance = orbits
-    time, observer, direction, basis, noise = tracklets
+    time, observer, velocity, direction, basis, noise, curvature = tracklets
     begin, end, inner_begin, inner_end = limits
     which, found, predicted = out
     count, longest = 0, 0
@@ -139,15 +158,20 @@ def _predictions(forces, orbits, limits, tracklets, gate, out):
                             near[kept] = q
                             kept += 1
                         continue
+                    here = path[m]
+                    pull = gravity_at(forces, rate, time[q], here[0], here[1], here[2])
+                    _bend(
+                        here, row, rate, pull, observer[q], velocity[q], direction[q], curvature[q]
+                    )
                     if not _may_match(
-                        path[m], observer[q], direction[q], basis[q], noise[q], covariance[k], gate,
+                        here, observer[q], direction[q], basis[q], noise[q], covariance[k], gate,
                         row,
                     ):  # fmt: skip
                         continue
                     if count == which.size:
                         return -1
                     which[count], found[count] = k, q
-                    predicted[count] = path[m]
+                    predicted[count] = here
                     count += 1
             if stage == 0:
                 n = kept
@@ -204,10 +228,10 @@ def tracklet_matches(
         If `gate_probability` does not lie between 0 and 1.
     """
     data = (
-        tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis,
-        tracklets.covariance,
+        tracklets.time, tracklets.observer_position, tracklets.observer_velocity,
+        tracklets.direction, tracklets.basis, tracklets.covariance, tracklets.curvature,
     )  # fmt: skip
-    orbits, gate = fits[:3], gate_threshold(gate_probability, 4)
+    orbits, gate, rate = fits[:3], gate_threshold(gate_probability, 4), frame_rate(forces)
     spans = (first, last) if without is None else (first, last, *without)
     limits = np.zeros((4, fits.epoch.size), dtype=np.int64)
     for k, each in enumerate(spans):
@@ -215,10 +239,10 @@ def tracklet_matches(
     count, capacity = -1, 64 + 16 * fits.epoch.size
     while count < 0:
         out = *np.empty((2, capacity), dtype=np.int64), np.empty((capacity, 42))
-        count = _predictions(forces, orbits, limits, data, gate, out)
+        count = _predictions(forces, rate, orbits, limits, data, gate, out)
         capacity *= 4
     which, found, predicted = (each[:count] for each in out)
-    innovation, design = _innovations(predicted, tracklets, found, frame_rate(forces))
+    innovation, design = _innovations(predicted, tracklets, found, rate)
     s = design @ fits.covariance[which] @ design.swapaxes(1, 2) + tracklets.covariance[found]
     # nothing matches a prediction whose covariance is singular in double precision
     sign, log_det = np.linalg.slogdet(s)

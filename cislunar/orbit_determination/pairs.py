@@ -84,7 +84,7 @@ class PairStarts(NamedTuple):
 
 
 @njit_noalloc
-def _gravity(forces, rate, t, x, y, z):
+def gravity_at(forces, rate, t, x, y, z):
     """Acceleration in axes that do not rotate, of an object at rest in them."""
     ax, ay, az = acceleration(at(forces, t), x, y, z, rate * y, -rate * x, 0.0)
     return ax + rate * rate * x, ay + rate * rate * y, az
@@ -147,7 +147,7 @@ def _residuals(forces, rate, t, dt, turn, r, v, u, g, second, passes, units, wor
             y = second[0, 1] + far * second[2, 1]
             z = second[0, 2] + far * second[2, 2]
             c, s = turn
-            gx, gy, gz = _gravity(forces, rate, t + dt, c * x + s * y, c * y - s * x, z)
+            gx, gy, gz = gravity_at(forces, rate, t + dt, c * x + s * y, c * y - s * x, z)
             later[0], later[1], later[2] = c * gx - s * gy, s * gx + c * gy, gz
     for c in range(3):
         out[c] = (dt * u[c] * speed - distance * second[2, c] - gap[c]) * wa
@@ -259,7 +259,7 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
                     start[k, c] = vectors[i, 0, c] + ranges[k] * u[c]
                     speed[k, c] = vectors[i, 1, c] + ranges[k] * vectors[i, 3, c]
                 inside[k] = start[k, 0] ** 2 + start[k, 1] ** 2 + start[k, 2] ** 2
-                gravity[k, 0], gravity[k, 1], gravity[k, 2] = _gravity(
+                gravity[k, 0], gravity[k, 1], gravity[k, 2] = gravity_at(
                     forces, rate, t, start[k, 0], start[k, 1], start[k, 2]
                 )
             for k in range(coarse.shape[1]):

@@ -16,9 +16,25 @@ from cislunar.orbit_determination import (
     exposure_numbers,
     fit_orbits,
     form_tracklets,
+    tracklet_matches,
 )
 from cislunar.orbit_determination.attribution import OrbitHypotheses
 from cislunar.orbit_determination.initial_orbits import is_plausible
+
+
+@pytest.mark.parametrize("visits", [(0.0, 20.0, 40.0), (0.0, 5.0, 30.0), tuple(range(0, 60, 6))])
+def test_the_gate_keeps_its_share_of_tracklets_of_curved_paths(visits):
+    """Of an object about the Moon, whose path straight lines miss by up to an arcminute."""
+    retrograde = np.array([[1.06, 0.0, 0.0, 0.0, -0.5, 0.0]])
+    angles, _ = night(retrograde, np.arange(0.0, 30.0, 1.5), 0.0, 24, visits)
+    number = np.rint(angles.time / HOUR // 1.5).astype(int) * 3 + angles.observer
+    rows = [np.flatnonzero(number == k) for k in np.unique(number)]
+    tracklets = attributables(angles, rows, degree=1)
+    fit = fit_orbits(angles, [np.arange(angles.time.size)], retrograde, 0.0)
+    given = fit, tracklets, np.array([-np.inf]), np.array([np.inf])
+    half, most = (tracklet_matches(*given, share, forces=EARTH_MOON)[1] for share in (0.5, 0.9999))
+    assert len(rows) == 60 and most.size >= 59
+    assert abs(half.size - 30) < 3.0 * np.sqrt(60 * 0.25)
 
 
 @pytest.mark.parametrize("intruder", [None, 20])

@@ -50,6 +50,8 @@ class Attributables(NamedTuple):
         Unit vectors along right ascension and declination.
     covariance : ndarray, shape (tracklet, 4, 4)
         Covariance of direction and rate along the basis, rad and nondimensional time.
+    curvature : ndarray, shape (tracklet, 2)
+        Errors of direction and rate, along each axis, by a unit second derivative of the offsets.
     chi_squared : ndarray, shape (tracklet,)
         Squared residuals of the polynomials in variances.
     detections : tuple of ndarray of int
@@ -64,6 +66,7 @@ class Attributables(NamedTuple):
     rate: Array
     basis: Array
     covariance: Array
+    curvature: Array
     chi_squared: Array
     detections: tuple[Indices, ...]
 
@@ -121,7 +124,7 @@ def attributables(
     before = {} if known is None else {d.tobytes(): k for k, d in enumerate(known.detections)}
     at = np.array([before.get(rows.tobytes(), -1) for rows in sets], dtype=np.int64)
     size = np.array([rows.size for rows in sets], dtype=np.int64)
-    shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), ())
+    shapes = ((), (), (3,), (3,), (3,), (3,), (2, 3), (4, 4), (2,), ())
     columns = [
         np.empty((len(sets), *shape), dtype=np.int64 if c == 1 else float)
         for c, shape in enumerate(shapes)
@@ -192,6 +195,7 @@ def _of_equal_size(angles: Angles, rows: Indices, rate: float, degree: int | Non
     estimator[:, 1] /= largest[:, None]
     shift, drift = np.moveaxis(estimator @ offset @ tangents, 1, 0)
     position, velocity = np.moveaxis(estimator @ positions, 1, 0)
+    curvature = 0.5 * np.einsum("tin,tn->ti", estimator, since**2)
     unit = mean + shift
     length = np.linalg.norm(unit, axis=1)[:, None]
     unit /= length
@@ -204,5 +208,5 @@ def _of_equal_size(angles: Angles, rows: Indices, rate: float, degree: int | Non
     change[:, :2, :2] = change[:, 2:, 2:] = turn
     return (
         middle, owners[:, 0], position, velocity, unit, motion, basis,
-        change @ covariance @ change.swapaxes(1, 2), chi_squared,
+        change @ covariance @ change.swapaxes(1, 2), curvature, chi_squared,
     )  # fmt: skip
