@@ -4,9 +4,10 @@
 The attributable of a tracklet is predicted by an orbit and its covariance P; the innovation nu of
 direction and rate has the covariance S = H Phi P Phi' H' + C. The prediction applies the estimators
 of the tracklet to the curved path, since its polynomials may be wrong by an arcminute within an
-hour. A tracklet within the gate is added if the fit to all angles agrees with them. The time from
-the orbit's detections within which tracklets are sought increases in steps, since the covariance of
-a short arc predicts distant tracklets badly.
+hour. A tracklet within the gate is added if the fit to all angles agrees with them and with the new
+ones, since many angles hide a contradiction of few, as after a maneuver. The time from the orbit's
+detections within which tracklets are sought increases in steps, since the covariance of a short arc
+predicts distant tracklets badly.
 """
 
 from collections.abc import Iterable
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from cislunar.association import gate_threshold
 from cislunar.compiled import njit, njit_noalloc
@@ -70,8 +72,7 @@ def _bend(here, line, rate, pull, observer, velocity, direction, curvature):
     """Change a predicted state to what the estimators of a tracklet make of the path: the offset of
     the direction has a second derivative due to gravity and to the change of the range. They are
     applied to the path of the observer, too, so that its acceleration has no effect."""
-    along = outward = 0.0
-    turning = (-rate * here[1], rate * here[0], 0.0)
+    along, outward, turning = 0.0, 0.0, (-rate * here[1], rate * here[0], 0.0)
     for c in range(3):
         line[c] = here[3 + c] + turning[c] - velocity[c]
         along += direction[c] * (here[c] - observer[c])
@@ -116,8 +117,7 @@ def _predictions(forces, rate, orbits, limits, tracklets, gate, out):
     are too many."""
     epoch, state, covariance = orbits
     time, observer, velocity, direction, basis, noise, curvature = tracklets
-    begin, end, inner_begin, inner_end = limits
-    which, found, predicted = out
+    (begin, end, inner_begin, inner_end), (which, found, predicted) = limits, out
     count, longest = 0, 0
     for k in range(epoch.size):
         longest = max(longest, end[k] - begin[k])
@@ -367,11 +367,11 @@ def _extended(
                 stage[k], at_once[k], matches[k] = stage[k] + 1, _AT_ONCE, None
                 later.append(k)
         if trials:
-            starts = np.array([parts[k].state[0] for k, *_ in trials])
-            epochs = np.array([parts[k].epoch[0] for k, *_ in trials])
+            now = concatenate_fits([parts[k] for k, *_ in trials], fits)
             prior = priors.take([k for k, *_ in trials])
-            joint = fit_orbits(angles, rows, starts, epochs, forces=forces, prior=prior)
-            good = agrees(joint, significance)
+            joint = fit_orbits(angles, rows, now.state, now.epoch, forces=forces, prior=prior)
+            limit = chi2.isf(significance, [2 * len(used) for *_, used in trials])
+            good = agrees(joint, significance) & (joint.chi_squared - now.chi_squared <= limit)
             for number, (k, added, used) in enumerate(trials):
                 if good[number]:
                     parts[k], searched[k], matches[k] = joint.take([number]), -np.inf, None

@@ -5,12 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from nights import HOUR, OBJECTS, night
+from scipy.stats import chi2
 
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.dynamics import EARTH_MOON
+from cislunar.dynamics import EARTH_MOON, VELOCITY_UNIT_M_S, propagate
 from cislunar.orbit_determination import (
     CONVERGED,
     AdmissibleRegion,
+    Angles,
     attributables,
     attribution,
     exposure_numbers,
@@ -135,6 +137,34 @@ def test_orbits_whose_last_fit_does_not_agree_are_extended_by_fits_to_all_angles
     assert len(fitted) > before and fitted[before].row[0] == 0
     assert found.tracklets == expected.tracklets
     np.testing.assert_array_equal(found.fits.row, expected.fits.row)
+
+
+@pytest.mark.parametrize("change_m_s", [0.0, 0.1, 0.2])
+def test_a_long_orbit_takes_no_tracklets_that_contradict_it(change_m_s):
+    """A maneuver an hour after 144 detections, which hide its effect on chi squared of them all."""
+    burn = 24.2 * HOUR
+    state = propagate(OBJECTS[0], [burn], method="dop853")[0]
+    state[3:] += change_m_s / VELOCITY_UNIT_M_S * np.array([0.6, 0.8, 0.0])
+    other = propagate(state, [-burn], method="dop853")
+    one, two = (
+        night(OBJECTS[:1], np.arange(24.0), 0.0, 31),
+        night(other, np.arange(25, 34), 0.0, 32),
+    )
+    parts = zip(one[0][:-1], two[0][:-1], strict=True)
+    angles = Angles(*map(np.concatenate, parts), 0.0)
+    tracklets = attributables(angles, form_tracklets(angles))
+    before = np.flatnonzero(tracklets.time < burn)
+    start = fit_orbits(angles, [np.flatnonzero(angles.time < burn)], OBJECTS[:1], 0.0)
+    found = attribution.extend_orbits(
+        angles, tracklets, OrbitHypotheses(start, (tuple(before.tolist()),)),
+        np.ones(tracklets.time.size, dtype=bool), exposure_numbers(angles), forces=EARTH_MOON,
+        spans_h=(3.0, 6.0, 12.0, 24.0), gate_probability=0.9999, significance=1e-4,
+    )  # fmt: skip
+    rise = found.fits.chi_squared[0] - start.chi_squared[0]
+    degrees = 2 * (found.fits.row.size - start.row.size)
+    assert chi2.sf(rise, degrees) > 1e-6
+    # without a maneuver, all of them
+    assert change_m_s > 0.0 or len(found.tracklets[0]) == tracklets.time.size
 
 
 def test_an_object_may_pass_by_an_observer():
