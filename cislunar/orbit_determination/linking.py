@@ -249,8 +249,7 @@ def _merge(found: LinkHypotheses) -> None:
 
 
 def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, int]]:
-    """Chosen orbits of which one predicts some tracklets of the other, or whose states agree, as
-    they may although the attributables of long tracklets are biased by curvature."""
+    """Chosen orbits of which one predicts some tracklets of the other, or whose states agree."""
     _, tracklets, forces, _, settings = found.data
     if len(chosen) < 2:
         return set()

@@ -121,7 +121,7 @@ def test_one_object_of_varying_brightness_is_one_orbit():
 
 @pytest.mark.parametrize("apart_km", [100.0, 10.0, 0.0])
 def test_duplicates_are_orbits_whose_states_agree(apart_km, monkeypatch):
-    # without predictions of tracklets, which a curved path may spoil
+    # by the states alone
     nothing = (np.empty(0, dtype=np.int64),) * 3
     monkeypatch.setattr(linking, "tracklet_matches", lambda *_, **__: nothing)
     speed = np.linalg.norm(OBJECTS[0, 3:])
