@@ -7,6 +7,7 @@ import pytest
 from measured import draw_truth
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.registry import estimator_named
 from cislunar.evaluation.cramer_rao import CramerRaoBound
@@ -21,6 +22,7 @@ from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.planning.pending import PlannedObservations, expected_update
 
@@ -136,7 +138,8 @@ def test_contact_is_limited_by_disks_and_angles(problem):
         assert when[0, k] == 3 + (k + waits[0] if waits.size else when.shape[1])
 
 
-def test_expected_updates_agree_with_the_filter(problem, spans):
+@pytest.mark.parametrize("model", [TaskingModel(), TaskingModel(measurements=20)])
+def test_expected_updates_agree_with_the_filter(problem, spans, model):
     initial, found = spans
     scene = problem.scene
     own, _, work = _made(problem, initial, "mukf")
@@ -155,7 +158,7 @@ def test_expected_updates_agree_with_the_filter(problem, spans):
         parts.append([column[seen] for column in columns])
     observations = PlannedObservations(*map(np.concatenate, zip(*parts, strict=True)))
     prediction = ahead.predict()
-    updated = expected_update(prediction, observations, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    updated = expected_update(prediction, observations, scene, BRIGHT, model, EARTH_MOON)
     known = own.predict().covariance
     before, after, expected = (
         np.sqrt(np.trace(each[:, :3, :3], axis1=1, axis2=2))
@@ -164,9 +167,53 @@ def test_expected_updates_agree_with_the_filter(problem, spans):
     assert np.all(after < before) and np.any(after < 0.3 * before)
     np.testing.assert_allclose(after, expected, rtol=0.1)
     doubtful = observations._replace(probability=0.25 * observations.probability)
-    less = expected_update(prediction, doubtful, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    less = expected_update(prediction, doubtful, scene, BRIGHT, model, EARTH_MOON)
     larger, smaller = (np.trace(each.covariance, axis1=1, axis2=2) for each in (less, updated))
     assert np.all(larger > smaller)
+
+
+@pytest.mark.parametrize("measurements", [1, 20])
+def test_expected_updates_are_those_of_linear_measurements(problem, spans, measurements):
+    scene, number, sensor = (
+        problem.scene,
+        60,
+        Sensor(limiting_magnitude=22.0, angle_noise_arcsec=0.1),
+    )
+    own, _, _ = _made(problem, spans[0], "mukf")
+    prediction = own.predict()
+    # certain enough for linear measurements
+    truth = spans[1][1][0].translation[:, -1]
+    prediction = prediction._replace(
+        index=number, translation=truth, covariance=1e-4 * prediction.covariance
+    )
+    index = np.array([58, 41, 41, 59, 60, 12])
+    target, observer = np.array([0, 0, 0, 1, 1, 3]), np.array([0, 2, 0, 2, 0, 1])
+    probability = np.array([1.0, 0.5, 1.0, 0.2, 1.0, 0.8])
+    observations = PlannedObservations(index, target, observer, probability)
+    model = TaskingModel(measurements=measurements, detection=DetectionModel())
+    updated = expected_update(prediction, observations, scene, sensor, model, EARTH_MOON)
+    information = np.linalg.inv(prediction.covariance)
+    for k, j, o, share in zip(index, target, observer, probability, strict=True):
+        duration = (k - number) * scene.step
+        if k < number:
+            place, stm = propagate_stm(truth[j], duration)
+        else:
+            place, stm = truth[j], np.eye(6)
+        axes = scene.observer_axes[k]
+        x, y, z = axes @ (place[:3] - scene.observer_position[o, k])
+        across, distance = np.hypot(x, y), np.sqrt(x * x + y * y + z * z)
+        right_ascension = np.array([-y, x, 0.0]) / across**2
+        declination = np.array([-x * z / across, -y * z / across, across]) / distance**2
+        slope = np.array([right_ascension, declination]) @ axes @ stm[:3]
+        information[j] += share * slope.T @ (slope / sensor.noise[1:, None] ** 2)
+    for j in range(5):
+        expected = np.linalg.inv(information[j])
+        scale = np.sqrt(np.diag(expected))
+        difference = (updated.covariance[j] - expected) / np.outer(scale, scale)
+        assert np.abs(difference).max() < 1e-6
+    least = np.linalg.eigvalsh(updated.covariance[0]) / np.linalg.eigvalsh(prediction.covariance[0])
+    assert least.min() < 0.5
+    np.testing.assert_array_equal(updated.covariance[2], prediction.covariance[2])
 
 
 def test_detections_are_learned_when_an_interval_is_complete(problem, spans):

@@ -12,6 +12,7 @@ Assumptions and limitations
   uncertain.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +32,9 @@ from cislunar.tasking.planning.slot_observations import observation_factor, obse
 
 
 class PlannedObservations(NamedTuple):
-    """Commanded observations, arrays (row,): `index` of the time in the scene, `target`,
-    `observer`, and the `probability` that the observation detects its target, as far as brightness
-    is concerned."""
+    """Commanded observations of one measurement each, arrays (row,): `index` of the time in the
+    scene, `target`, `observer`, and the `probability` that the observation detects its target, as
+    far as brightness is concerned."""
 
     index: NDArray[np.int64]
     target: NDArray[np.int64]
@@ -98,7 +99,8 @@ def expected_update(
     observations : PlannedObservations
         Pending observations before that time.
     scene, sensor, model
-        See `cislunar.tasking.planning.information.pair_information`.
+        See `cislunar.tasking.planning.information.pair_information`. ``model.measurements`` does
+        not matter, since each row is one measurement.
     forces : NamedTuple
         Assumed force model, see `cislunar.dynamics.forces`.
 
@@ -116,7 +118,8 @@ def expected_update(
     in_order = PlannedObservations(*(column[order] for column in observations))
     covariance = np.array(prediction.covariance)
     n_targets = covariance.shape[0]
-    constants = tasking_constants(model, sensor, scene.observer_position.shape[0])
+    single = replace(model, measurements=1)
+    constants = tasking_constants(single, sensor, scene.observer_position.shape[0])
     points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
     dispersed_points(mean, covariance, constants.weights.spread, points)
