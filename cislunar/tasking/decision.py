@@ -52,6 +52,15 @@ class Decision(NamedTuple):
         slot = np.searchsorted(self.starts, step, side="right") - 1
         return self.detects[slot, observer, target]
 
+    def trials(
+        self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Trials of observations, shape (row,): their targets (trial,) and rows of `detects`. Those
+        of a target by one observer in a slot are one trial."""
+        slot = np.searchsorted(self.starts, step, side="right") - 1
+        slot, observer, target = np.unique(np.stack([slot, observer, target]), axis=1)
+        return target, self.detects[slot, observer, target]
+
     def learn(
         self,
         detection: LearnedDetection,

@@ -315,10 +315,13 @@ def _received(inputs: SimulationInputs, own: Realization, start: int) -> Predict
 def _with_pending(
     inputs: SimulationInputs, own: Realization, start: int, prediction: Prediction
 ) -> Prediction:
-    """Prediction on which tasking is based: with the expected effect of pending measurements."""
+    """Prediction on which tasking is based: with the expected effect of pending measurements. The
+    learned detection is told of them as well."""
     settings = inputs.settings
     if own.reception is None or not settings.communication.use_pending_measurements:
         return prediction
+    if own.detection is not None:
+        own.reception.expect(own.detection)
     observations = own.reception.pending(start, own.detection)
     return expected_update(
         prediction, observations, inputs.scene, settings.sensor, settings.tasking, inputs.forces

@@ -11,7 +11,7 @@ from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.registry import estimator_named
 from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.observation.measurement import measure
+from cislunar.observation.measurement import EXCLUDED, measure
 from cislunar.observation.records import pointed_schedule, rows_of
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import EARTH_RADIUS, occulted
@@ -22,9 +22,11 @@ from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.planning.pending import PlannedObservations, expected_update
+from cislunar.tasking.planning.schedule import detection_probabilities
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 SPAN, SPANS = 30, 5
@@ -214,6 +216,41 @@ def test_expected_updates_are_those_of_linear_measurements(problem, spans, measu
     least = np.linalg.eigvalsh(updated.covariance[0]) / np.linalg.eigvalsh(prediction.covariance[0])
     assert least.min() < 0.5
     np.testing.assert_array_equal(updated.covariance[2], prediction.covariance[2])
+
+
+def test_pending_trials_lower_the_bonus_of_a_first_detection():
+    model = DetectionModel(brightness="sphere", never_detected_bonus=4.0)
+    learned, reference = LearnedDetection(model, 4), LearnedDetection(model, 4)
+    margin = np.random.default_rng(2).normal(0.0, 0.5, (2, 3, 4))
+    detects = learned.detects(margin[..., None])
+    decision = Decision(None, None, 0.0, 0, 0.0, None, detects, np.array([0, 4]))
+    # slots of four steps; target 0 is observed by two observers, by one of them in both slots,
+    # target 1 by one, and target 3 by none
+    target = np.array([[0, 0, 2], [0, 1, 2]]).repeat(4, axis=0)
+    plan = pointed_schedule(target, 4)
+    reception = Reception(np.arange(16) + np.array([8, 8, 0])[:, None], 8, (), (), 4)
+    reception.note(0, decision, plan, np.full(plan.observer.size, EXCLUDED, dtype=np.uint8))
+    assert np.all(learned.bonus() == 4.0)
+    reception.learn(8, learned)
+    reception.expect(learned)
+    weight, miss = np.exp(reference.log_weight), 1.0 - detects
+    expected = [
+        weight[0] @ (miss[0, 0, 0] * miss[1, 0, 0] * miss[0, 1, 0]),
+        weight[1] @ miss[1, 1, 1],
+        1.0,
+        1.0,
+    ]
+    np.testing.assert_allclose(learned.bonus(), 4.0 * np.array(expected), rtol=1e-12)
+    assert np.all(learned.bonus()[2:] == 4.0)
+    learned.detected[1] = True
+    value = learned.pair_values(np.ones((3, 4)), detects[0])
+    bonus = 4.0 * np.array([expected[0], 0.0, 1.0, 1.0])
+    np.testing.assert_allclose(value, learned.probability(detects[0]) * (1.0 + bonus))
+    np.testing.assert_allclose(detection_probabilities(learned, margin[..., None]).bonus, bonus)
+    learned.detected[1] = False
+    reception.learn(16, learned)
+    reception.expect(learned)
+    assert np.all(learned.bonus() == 4.0)
 
 
 def test_detections_are_learned_when_an_interval_is_complete(problem, spans):

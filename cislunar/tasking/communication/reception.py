@@ -170,6 +170,14 @@ class Reception:
             each.learned[ready] = True
         self._intervals = [each for each in self._intervals if not each.learned.all()]
 
+    def expect(self, detection: LearnedDetection) -> None:
+        """State the trials whose outcomes have not been learned to the learned detection."""
+        trials = []
+        for each in self._intervals:
+            rows = each.target, each.step, each.observer
+            trials.append(each.decision.trials(*(column[~each.learned] for column in rows)))
+        detection.expect(trials)
+
     def pending(self, now: int, detection: LearnedDetection | None) -> PlannedObservations:
         """Observations made before the step `now` of which nothing has been received."""
         results = []

@@ -9,7 +9,11 @@ Assumptions and limitations
 - The observations of an interval share an attitude: those of one target by one observer count as
   one trial, whose outcome is the shares detected and faint.
 - A target's offset does not change. Whether an observation was clear of the bright bodies is known.
+- Pending trials (outcome not received) change the bonus of a first detection only. Given that none
+  of them detects the target, further observations are as likely to detect it as without them.
 """
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,6 +59,7 @@ class LearnedDetection:
         prior = -0.5 * standard**2
         self.log_weight = np.tile(prior - logsumexp(prior), (n_targets, 1))
         self.detected = np.zeros(n_targets, dtype=bool)
+        self._missed = np.ones_like(self.log_weight)
         # Phi((margin - b) / flicker) at margins out to where all are 0 or 1
         far = self.grid[-1] + _CERTAIN * model.flicker_mag
         half = int(np.ceil(far * _NODES_PER_FLICKER / model.flicker_mag)) + 2
@@ -90,8 +95,20 @@ class LearnedDetection:
         detection, nats, and `detects` (observer, target, offset). Pairs without information have no
         value."""
         gain = np.asarray(information, dtype=float)
-        bonus = self.model.never_detected_bonus * ~self.detected
-        return np.where(gain > 0.0, self.probability(detects) * (gain + bonus), 0.0)
+        return np.where(gain > 0.0, self.probability(detects) * (gain + self.bonus()), 0.0)
+
+    def bonus(self) -> Array:
+        """Value of a first detection, nats, shape (target,): `never_detected_bonus` times the
+        probability that no pending trial detects the target; 0 for detected targets."""
+        found = np.sum(np.exp(self.log_weight) * (1.0 - self._missed), axis=1)
+        return self.model.never_detected_bonus * ~self.detected * np.maximum(1.0 - found, 0.0)
+
+    def expect(self, trials: Iterable[tuple[NDArray, Array]]) -> None:
+        """State all pending trials: for each interval their targets, shape (trial,), and their
+        `detects` (trial, offset)."""
+        self._missed = np.ones_like(self.log_weight)
+        for target, detects in trials:
+            np.multiply.at(self._missed, target, 1.0 - detects)
 
     def learn(
         self, target: NDArray, observer: NDArray, outcome: NDArray[np.uint8], detects: Array

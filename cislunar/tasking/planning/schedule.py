@@ -59,8 +59,8 @@ def detection_probabilities(
         return DetectionProbabilities(
             np.ones((n_targets, 1)), np.ones((*margin.shape[:3], 1)), np.zeros(n_targets)
         )
-    bonus = detection.model.never_detected_bonus * ~detection.detected
-    return DetectionProbabilities(np.exp(detection.log_weight), detection.detects(margin), bonus)
+    detects = detection.detects(margin)
+    return DetectionProbabilities(np.exp(detection.log_weight), detects, detection.bonus())
 
 
 @njit_noalloc
