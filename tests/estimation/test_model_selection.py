@@ -65,7 +65,7 @@ def _angle_deg(estimate, true):
 
 def test_models_are_searched_again_only_where_that_is_needed():
     """A body as believed: the wide models are left out while its residuals are those of the noise.
-    An offset that grows with time brings them back."""
+    An error that varies with time brings them back."""
     data, model, _, _ = simulated(_as_believed)
     given = np.random.default_rng(1), ModelSelectionSettings(effort=1)
 
@@ -87,6 +87,12 @@ def test_models_are_searched_again_only_where_that_is_needed():
     assert again.selected.wide and (again.searched, again.fitted) == (400, 400)
     # afterwards the modes wait for a growth by half
     assert updated(again, data[:420]) is again
+    # a result that fails the tests is replaced at once
+    assert updated(first, wrong[:300]).searched == 300
+    # so is one of the wide models without a model error, when its modes are fitted again
+    wide = Selection(first.selected._replace(wide=True), 250, 250, UNIQUE)
+    assert updated(wide, data[:400]).searched == 250
+    assert updated(wide, wrong).searched == 400
 
 
 def test_the_rotation_of_an_unknown_body_is_more_uncertain():

@@ -295,7 +295,8 @@ class BatchEstimator:
 
     def _select_models(self, out: Estimates) -> None:
         """Choose models of the bodies for the light curves at a tasking epoch, and report their
-        mixtures from there on. The sigma and attitude of the last step are replaced."""
+        mixtures from there on. The sigma and attitude of the last step are replaced. While the wide
+        models of a body are among those chosen from, the estimator's own is not fitted."""
         tracks, settings = self._tracks, self._settings.model_selection
         for j, model in enumerate(tracks.models):
             rows = int(tracks.fit.rows[j])
@@ -304,14 +305,15 @@ class BatchEstimator:
             rng = tracks.rngs[j].spawn(1)[0]
             data = tracks.data[j][:rows].copy()
             modes = tracks.hypotheses[j]
-            known = [u.copy() for u in modes.u[: modes.count[0]]]
+            fitted = 0 if tracks.fit.replaced[j] else modes.count[0]
+            known = [u.copy() for u in modes.u[:fitted]]
             given = tracks.selections[j], data, model, rng, settings
             selection = updated_selection(*given, known)
             elapsed = (self._index - int(tracks.fit.epoch[j])) * self._scene.step_s
             room = tracks.points[j][2].size
             points, count = reported_points(selection, model, elapsed, room)
             tracks.selections[j], tracks.points[j] = selection, points
-            tracks.fit.points[j] = count
+            tracks.fit.points[j], tracks.fit.replaced[j] = count, selection.selected.wide
             if out.sigma.shape[1] > 0:
                 mean, rate = out.quaternion[j, -1], out.angular_velocity[j, -1]
                 report_points(points, count, mean, rate, out.sigma[j, -1, :ROTATION])

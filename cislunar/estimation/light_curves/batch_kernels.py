@@ -72,13 +72,15 @@ class FitState(NamedTuple):
     """State of the fit of each target, arrays of int (target,): `condition` is HEALTHY or the
     reason for which its estimate ended, `points` the number of points of its mixture, `rows` and
     `fitted` the numbers of rows of its light curve, now and at the last fit, `epoch` the time index
-    of its initial estimate, from which the times of its light curve count."""
+    of its initial estimate, from which the times of its light curve count, and `replaced` whether
+    another model of its body has replaced the assumed one, which is then not fitted."""
 
     condition: NDArray[np.int64]
     points: NDArray[np.int64]
     rows: NDArray[np.int64]
     fitted: NDArray[np.int64]
     epoch: NDArray[np.int64]
+    replaced: NDArray[np.int64]
 
 
 @njit_noalloc
@@ -187,7 +189,8 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
             and constants.growth > 0.0
             and fresh >= max(constants.growth * state.fitted[j], _FEWEST_FRESH)
         )
-        if fresh > 0 and ((closed > 0 and i == n_steps - 1) or grown):
+        due = grown or (closed > 0 and i == n_steps - 1)
+        if due and fresh > 0 and not state.replaced[j]:
             elapsed = (k - state.epoch[j]) * scene.step_s
             state.points[j] = _refit(
                 hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points, bodies,
@@ -256,7 +259,9 @@ def predict_target(
     if health != HEALTHY:
         translation[:] = np.nan
         return
-    step_points(points[0][:count], points[1][:count], points[3][:count], scene.step_s, model)
+    step_points(
+        points[0][:count], points[1][:count], points[3][:count], scene.step_s, model, TURN_PER_STEP
+    )
     quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
     differences = np.empty((count, ROTATION))
     mixture_moments(quaternion, omega, weight, mean, rate, differences)

@@ -63,7 +63,7 @@ def starting_tracks(
         for j, sigma in enumerate(initial.deviations())
     ]
     hypotheses = [prior_hypotheses(settings.modes, model.sigma.size) for model in models]
-    fit = FitState(*np.zeros((5, n_targets), dtype=np.int64))
+    fit = FitState(*np.zeros((len(FitState._fields), n_targets), dtype=np.int64))
     fit.points[:] = [_points_per_mode(model) for model in models]
     fit.epoch[:] = index
     return BatchTracks(

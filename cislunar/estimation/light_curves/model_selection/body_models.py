@@ -108,6 +108,8 @@ class SelectedModel(NamedTuple):
         Root mean square of the correlated model error over the posterior.
     tempering : float
         Exponent beta of the likelihood of the mixture; 1 without tempering.
+    wide : bool
+        Whether the body models of `WIDE` were fitted, beyond the check of the narrow ones.
     """
 
     candidates: tuple[Candidate, ...]
@@ -115,17 +117,13 @@ class SelectedModel(NamedTuple):
     log_evidence: dict[str, float]
     model_error_mag: float
     tempering: float
+    wide: bool = True
 
     @property
     def noise_factor(self) -> float:
         """Factor of the best mode on the noise variance of the light curve's model; 1 if that is
         known."""
         return self.candidates[0].minimum.noise_factor
-
-    @property
-    def wide(self) -> bool:
-        """Whether the body models of `WIDE` were fitted."""
-        return self.log_evidence[WIDE[-1]] > -np.inf
 
     @property
     def body(self) -> str:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cislunar.attitude.attitude_integrator import TURN_OF_LONG_STEP
 from cislunar.attitude.grp import to_quaternion
 from cislunar.attitude.quaternion import (
     attitude_matrix,
@@ -44,7 +45,7 @@ from cislunar.estimation.light_curves.model_selection.settings import ModelSelec
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.runtime import Array
 
-_SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.5
+_SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.25
 """Factors by which a light curve grows until all models are searched again, and until the modes of
 models with a model error are fitted again."""
 
@@ -83,30 +84,26 @@ def updated_selection(
 
     All models are searched when the light curve has grown by a factor of 2.5, from its last modes.
     In between, if the models of `WIDE` were left out at the last search, those of `EXACT` are
-    fitted again with any new row. The models of `WIDE` are then searched as soon as the residuals
-    are no longer those of the noise, but not before a growth by a factor of 1.5. If they were not
-    left out, all modes are fitted again after that growth, unless the body is unknown. For `modes`
-    see `select_model`."""
+    fitted again with any new row; otherwise all likely modes are fitted again after a growth by a
+    factor of 1.25. All models are searched as soon as these fits no longer explain the light curve
+    or change whether the attitude is unknown. For `modes` see `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last
-    selected, searched = None, rows
     if last is not None and rows < _SEARCH_GROWTH * last.searched:
-        grown = rows >= _FIT_GROWTH * last.fitted
         if not last.selected.wide:
             selected = narrowed(last.selected, data, model, settings, modes)
-            waits = rows < _FIT_GROWTH * last.searched
-        else:
-            waits = True
-            if grown and last.status != UNKNOWN_BODY:
-                selected = refitted(last.selected, data, model, settings)
-        if selected is None and waits:
+        elif rows < _FIT_GROWTH * last.fitted:
             return last
-        searched = last.searched if selected is not None else rows
-    if selected is None:
-        previous = None if last is None else last.selected
-        selected = select_model(data, model, rng, settings, previous, modes)
-    return Selection(selected, searched, rows, attitude_status(selected, model))
+        else:
+            selected = refitted(last.selected, data, model, rng, settings)
+        if selected is not None:
+            status = attitude_status(selected, model)
+            if (status == UNKNOWN_BODY) == (last.status == UNKNOWN_BODY):
+                return Selection(selected, last.searched, rows, status)
+    previous = None if last is None else last.selected
+    selected = select_model(data, model, rng, settings, previous, modes)
+    return Selection(selected, rows, rows, attitude_status(selected, model))
 
 
 def reported_points(
@@ -116,7 +113,7 @@ def reported_points(
     time after the epoch, in arrays of at least `room` points, and the number of points. Those of an
     unknown body are widened, and have an uncertain body frame if its shape is unknown."""
     quaternion, omega, weight, deviations = _points_of(selection.selected, model)
-    step_points(quaternion, omega, deviations, elapsed_s, model)
+    step_points(quaternion, omega, deviations, elapsed_s, model, TURN_OF_LONG_STEP)
     if selection.status == UNKNOWN_BODY:
         quaternion, omega = widened_points(quaternion, omega, weight)
     points = quaternion, omega, weight, deviations

@@ -54,6 +54,9 @@ _SCREENED = "medium deviations"
 _MOST_MODES = 32
 _REFITTED_SHARE = 0.99
 """Share of the posterior whose modes are fitted again to a longer light curve."""
+_LARGEST_CHANGE = ROTATION + 4.0 * np.sqrt(2.0 * ROTATION)
+"""Squared distance of a rotation from the previous ones, four standard deviations of chi squared
+above its mean, beyond which it is a new one."""
 _FIRST_ROWS, _GROWTH = 12, 1.5
 """Rows of the first search, and the factor by which the rows grow from search to search."""
 
@@ -130,25 +133,34 @@ def select_model(
 
 
 def refitted(
-    selected: SelectedModel, data: Array, model: LightCurveModel, settings: ModelSelectionSettings
-) -> SelectedModel:
-    """Fit the same models to a light curve that has grown, starting from their likely previous
-    modes; see `select_model`."""
-    rng = np.random.default_rng(0)  # no random start is drawn
-    selection = _Selection(data, model, rng, settings)
+    selected: SelectedModel,
+    data: Array,
+    model: LightCurveModel,
+    rng: np.random.Generator,
+    settings: ModelSelectionSettings,
+) -> SelectedModel | None:
+    """Fit and weight the same models for a light curve that has grown, starting from their likely
+    previous modes. None if these modes no longer explain the light curve: the best of the new ones
+    has no model error and its residuals are not those of the noise, or it is near none of the
+    previous ones. See `select_model`."""
     modes: dict[tuple[str, ModelError], list[Minimum]] = {}
     count = int(np.searchsorted(np.cumsum(selected.weight), _REFITTED_SHARE)) + 1
     for each in selected.candidates[:count]:
         modes.setdefault((each.body, each.error), []).append(each.minimum)
-    found = []
     with single_threaded_algebra():
+        selection, found = _Selection(data, model, rng, settings, selected), []
         for (body, error), own in modes.items():
-            given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
-            found += selection.fit(body, error, *given)
-    if not found:
-        return selected
-    candidates, weight = _mixture(found)
-    return selected._replace(candidates=candidates, weight=weight)
+            starts, factor = [each.u for each in own], own[0].noise_factor
+            untempered = error._replace(beta=1.0)
+            found += selection.fit(body, untempered, starts, settings.warm_iterations, factor)
+        if not found:
+            return selected
+        grown = selection.weighed(found)
+    best = grown.candidates[0]
+    if best.error.tau == 0.0 and not selection.explained(grown.candidates):
+        return None
+    nearest = min(_distance(each, best.minimum.u) for each in selected.candidates)
+    return grown if nearest <= _LARGEST_CHANGE else None
 
 
 def narrowed(
@@ -166,7 +178,7 @@ def narrowed(
         selection = _Selection(data, model, rng, settings, selected, modes)
         given = settings.warm_iterations
         found = [each for body in EXACT for each in selection.near_modes(body, given)]
-        return selection.weighed(found) if selection.explained(found) else None
+        return selection.weighed(found, wide=False) if selection.explained(found) else None
 
 
 class _Selection:
@@ -214,15 +226,22 @@ class _Selection:
         return [Candidate(body, error._replace(tau=each.tau), each) for each in kept]
 
     def start(self, body: str, candidate: Candidate) -> Array:
-        """A start for a body: the rotation of a minimum of another, and its surface if it has the
-        same parameters."""
-        u, size = candidate.minimum.u, self.models[body].sigma.size
-        own, other = self.models[body].sigma, self.models[candidate.body].sigma
-        if u.size == size:
-            same = own > 0.0
-            return np.where(same, u * other / np.where(same, own, 1.0), 0.0)
-        start = np.zeros(size)
-        start[: self.carried] = u[: self.carried]
+        """A start for a body: the rotation of a minimum of another, and the surface deviations that
+        both have."""
+        return self._start(body, candidate.minimum.u, self.models[candidate.body])
+
+    def _start(self, body: str, u: Array, model: LightCurveModel) -> Array:
+        """`start` from the parameters of a model. Of two lists of surface deviations that begin
+        with the same kinds the common ones are taken."""
+        own = self.models[body]
+        same = min(u.size, own.sigma.size)
+        surface = slice(same - self.carried)
+        if not np.array_equal(own.surface_kinds[surface], model.surface_kinds[surface]):
+            same = self.carried
+        start = np.zeros(own.sigma.size)
+        estimated = own.sigma[:same] > 0.0
+        sigma = np.where(estimated, own.sigma[:same], 1.0)
+        start[:same] = np.where(estimated, u[:same] * model.sigma[:same] / sigma, 0.0)
         return start
 
     def run(self) -> SelectedModel:
@@ -239,7 +258,7 @@ class _Selection:
             checks = self._checks([each for body in EXACT for each in found[body][:kept]])
             greatest = max(each.minimum.log_evidence for each in exact)
             if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
-                return self.weighed(exact + checks)
+                return self.weighed(exact + checks, wide=False)
         found |= {body: self._searched(body) for body in WIDE}
         everything = [each for body in BODY_MODELS for each in found[body]] + checks
         if explained:  # the checks are the fits with a model error
@@ -274,23 +293,12 @@ class _Selection:
 
     def _among_modes(self, candidate: Candidate) -> bool:
         """Whether the initial rotation of a minimum is that of a mode within its uncertainty."""
-        minimum = candidate.minimum
-        covariance = np.linalg.inv(minimum.information)[:ROTATION, :ROTATION]
-        apart = [minimum.u[:ROTATION] - mode[:ROTATION] for mode in self.modes]
-        inverse = np.linalg.inv(covariance)
-        return any(each @ inverse @ each < MERGE_DISTANCE for each in apart)
+        return any(_distance(candidate, mode) < MERGE_DISTANCE for mode in self.modes)
 
     def near_modes(self, body: str, iterations: int) -> list[Candidate]:
         """Minima, without a model error, near the known modes and those of the model."""
-        own, model = self.models[body], self.model
         starts = [self.start(body, each) for each in self.apart]
-        for each in self.modes:
-            start = np.zeros(own.sigma.size)
-            same = min(each.size, start.size)
-            if not np.array_equal(own.surface_kinds[:same], model.surface_kinds[:same]):
-                same = self.carried
-            start[:same] = each[:same] * model.sigma[:same] / own.sigma[:same]
-            starts.append(start)
+        starts += [self._start(body, each, self.model) for each in self.modes]
         return self.fit(body, _NO_ERROR, starts, iterations)
 
     def _searched(self, body: str) -> list[Candidate]:
@@ -309,7 +317,7 @@ class _Selection:
             found += self.fit(body, error, starts, settings.iterations)
         return found
 
-    def weighed(self, everything: list[Candidate]) -> SelectedModel:
+    def weighed(self, everything: list[Candidate], *, wide: bool = True) -> SelectedModel:
         """The mixture of all minima, or of those of a tempered likelihood."""
         evidence = np.array([each.minimum.log_evidence for each in everything])
         of_body = {}
@@ -324,9 +332,9 @@ class _Selection:
         if best in WIDE:
             beta = 1.0 / (1.0 + (model_error / BODY_MODELS[best].tempering_mag) ** 2)
         if beta > _LEAST_TEMPERING:
-            return SelectedModel(*_mixture(everything), of_body, model_error, 1.0)
+            return SelectedModel(*_mixture(everything), of_body, model_error, 1.0, wide)
         tempered = self._tempered(everything, beta)
-        return SelectedModel(*_mixture(tempered), of_body, model_error, beta)
+        return SelectedModel(*_mixture(tempered), of_body, model_error, beta, wide)
 
     def _with_errors(self, pool: list[Candidate]) -> list[Candidate]:
         """Minima of the models of `WIDE` with a model error of both correlation lengths, from the
@@ -355,26 +363,29 @@ class _Selection:
         found: list[Candidate] = []
         for body, each in chosen.items():
             error = each.error._replace(beta=beta)
-            same = [
-                other for other in everything
-                if other.body == body and other.error.length == each.error.length
-            ]  # fmt: skip
-            starts = [other.minimum.u for other in same]
+            kind = body, error.length
+            starts = [e.minimum.u for e in everything if (e.body, e.error.length) == kind]
             starts += [self.start(body, other) for other in self.known]
             model = self.models[body]
             factor = each.minimum.noise_factor
             white = CorrelatedFit(self.data, self.bins, model, each.error, factor)
-            changed = {"noise_variance": white.equal_white_noise(each.minimum.u) / beta}
-            changed["noise_freedom"] = 0.0
-            search_settings = self.search_settings._replace(modes=settings.new_starts)
-            given = self.data, model._replace(**changed), search_settings, self.rng
-            starts += search_modes(*given, starts)
+            variance = white.equal_white_noise(each.minimum.u) / beta
+            flat = model._replace(noise_variance=variance, noise_freedom=0.0)
+            few = self.search_settings._replace(modes=settings.new_starts)
+            starts += search_modes(self.data, flat, few, self.rng, starts)
             for _ in range(0 if self.known else settings.new_starts):
                 start = np.zeros(model.sigma.size)
                 start[: self.carried] = self.rng.standard_normal(self.carried)
                 starts.append(start)
             found += self.fit(body, error, starts, settings.iterations, factor)
         return found
+
+
+def _distance(candidate: Candidate, u: Array) -> float:
+    """Squared distance of an initial rotation from that of a minimum, in its variances."""
+    covariance = np.linalg.inv(candidate.minimum.information)[:ROTATION, :ROTATION]
+    apart = u[:ROTATION] - candidate.minimum.u[:ROTATION]
+    return float(apart @ solve(covariance, apart, assume_a="pos"))
 
 
 def _mixture(candidates: list[Candidate]) -> tuple[tuple[Candidate, ...], Array]:
