@@ -18,6 +18,8 @@ from cislunar.estimation.light_curves.light_curve import cost
 from cislunar.estimation.light_curves.mixture import mixture_moments
 from cislunar.estimation.light_curves.model_selection.body_models import (
     BODY_MODELS,
+    Candidate,
+    SelectedModel,
     with_body_model,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
@@ -27,11 +29,13 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
 )
 from cislunar.estimation.light_curves.model_selection.correlated import (
     CorrelatedFit,
+    Minimum,
     ModelError,
     bins_of_rows,
 )
 from cislunar.estimation.light_curves.model_selection.in_loop import (
     Selection,
+    parameter_deviations,
     report_points,
     reported_points,
     updated_selection,
@@ -85,8 +89,8 @@ def test_models_are_searched_again_only_where_that_is_needed():
     wrong[:, MAGNITUDE] += 0.4 * np.sin(wrong[:, TIME] / 2500.0)
     again = updated(first, wrong)
     assert again.selected.wide and (again.searched, again.fitted) == (400, 400)
-    # afterwards the modes wait for a growth by half
-    assert updated(again, data[:420]) is again
+    # afterwards the modes wait for a growth by a quarter
+    assert updated(again, data[:490]) is again
     # a result that fails the tests is replaced at once
     assert updated(first, wrong[:300]).searched == 300
     # so is one of the wide models without a model error, when its modes are fitted again
@@ -137,6 +141,26 @@ def test_wider_points_keep_their_mean_and_a_common_rate(apart_deg):
         moments.append((center, differences[:, :3]))
     assert abs(moments[0][0] @ moments[1][0]) == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(moments[1][1], 1.8 * moments[0][1], atol=2e-3)
+
+
+def test_parameters_are_those_of_the_chosen_models():
+    """Albedo and reflectance of two models of the body, of which one has no deviations."""
+    body = with_body_model(model_of(), "material")
+    sigma = np.append(body.sigma[:6], [0.5, 1.0])
+    model = body._replace(sigma=sigma, surface_kinds=body.surface_kinds[[0, 2]])
+    candidates = []
+    for name in ("known", "small deviations"):
+        size = with_body_model(model, name).sigma.size
+        information = np.diag(np.arange(1.0, size + 1.0))
+        candidates.append(
+            Candidate(name, ModelError(0.0, 1.0), Minimum(np.ones(size), information, 0.0))
+        )
+    selected = SelectedModel(tuple(candidates), np.array([0.25, 0.75]), {}, 0.0, 1.0)
+    weight, mean, variance = parameter_deviations(selected, model)
+    np.testing.assert_array_equal(weight, selected.weight)
+    # prior standard deviations of 0.25 and 0.5, of which the information is 7 and 9
+    np.testing.assert_allclose(mean, [[0.0, 0.0], [0.5, 0.5]])
+    np.testing.assert_allclose(variance, [[0.0, 0.0], [0.25 / 7.0, 0.25 / 9.0]])
 
 
 def test_an_unknown_noise_is_estimated_with_the_model():

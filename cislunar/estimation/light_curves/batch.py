@@ -51,6 +51,7 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     characterize,
 )
 from cislunar.estimation.light_curves.model_selection.in_loop import (
+    parameter_deviations,
     report_points,
     reported_points,
     status_of,
@@ -164,7 +165,7 @@ class BatchEstimator:
     def learned(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the body-parameter deviations from all rows used so far,
         (target, n) each, in the order and units of `BodyParameterPrior.named`; NaN for failed
-        estimates."""
+        estimates. They are those of the models of the body if there is a choice between them."""
         tracks = self._tracks
         size = max(model.sigma.size for model in tracks.models) - ROTATION
         mean, sigma = np.full((2, len(tracks.models), size), np.nan)
@@ -174,17 +175,21 @@ class BatchEstimator:
             live, unit = int(modes.count[0]), model.sigma[ROTATION:].copy()
             torque = model.rotation_kinds >= TORQUE
             unit[: torque.size][torque] = np.rad2deg(unit[: torque.size][torque]) * HOUR**2
-            weight, u = modes.weight[:live][:, None], modes.u[:live, ROTATION:]
-            root = np.linalg.inv(modes.root[:live])  # H = L L^T, so that H^-1 = L^-T L^-1
-            variance = (root**2).sum(axis=1)[:, ROTATION:]
-            center = (weight * u).sum(axis=0)
-            spread = (weight * (variance + (u - center) ** 2)).sum(axis=0)
+            chosen = tracks.selections[j]
+            if chosen is None:
+                weight, u = modes.weight[:live], modes.u[:live, ROTATION:]
+                root = np.linalg.inv(modes.root[:live])  # H = L L^T, so that H^-1 = L^-T L^-1
+                variance = (root**2).sum(axis=1)[:, ROTATION:]
+            else:
+                weight, u, variance = parameter_deviations(chosen.selected, model)
+            center = weight @ u
+            spread = weight @ (variance + (u - center) ** 2)
             mean[j, : unit.size], sigma[j, : unit.size] = unit * center, unit * np.sqrt(spread)
         return mean, sigma
 
     @property
     def searches(self) -> NDArray[np.int64]:
-        """Per target, number of searches for modes so far."""
+        """Per target, number of searches for modes of the estimator's own model so far."""
         return np.array([modes.count[1] for modes in self._tracks.hypotheses])
 
     @property

@@ -12,7 +12,6 @@ Assumptions and limitations
   uncertain.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -118,8 +117,8 @@ def expected_update(
     in_order = PlannedObservations(*(column[order] for column in observations))
     covariance = np.array(prediction.covariance)
     n_targets = covariance.shape[0]
-    single = replace(model, measurements=1)
-    constants = tasking_constants(single, sensor, scene.observer_position.shape[0])
+    constants = tasking_constants(model, sensor, scene.observer_position.shape[0])
+    constants = constants._replace(measurements=1.0)
     points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
     dispersed_points(mean, covariance, constants.weights.spread, points)

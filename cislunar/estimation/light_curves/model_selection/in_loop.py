@@ -143,6 +143,24 @@ def _points_of(selected: SelectedModel, model: LightCurveModel) -> tuple[Array, 
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
+def parameter_deviations(
+    selected: SelectedModel, model: LightCurveModel
+) -> tuple[Array, Array, Array]:
+    """Weights (mode,), means and variances (mode, n) of the body-parameter deviations that a
+    light-curve model estimates, in its prior standard deviations. A deviation that a model of the
+    body does not have is 0."""
+    n_rotation, n = model.rotation_kinds.size, model.sigma.size - ROTATION
+    mean, variance = np.zeros((2, selected.weight.size, n))
+    for k, each in enumerate(selected.candidates):
+        own = with_body_model(model, each.body)
+        _, to, of = np.intersect1d(model.surface_kinds, own.surface_kinds, return_indices=True)
+        to, of = (np.append(np.arange(n_rotation), n_rotation + index) for index in (to, of))
+        unit = own.sigma[ROTATION + of] / model.sigma[ROTATION + to]
+        mean[k, to] = unit * each.minimum.u[ROTATION + of]
+        variance[k, to] = unit**2 * np.diag(np.linalg.inv(each.minimum.information))[ROTATION + of]
+    return selected.weight, mean, variance
+
+
 def widened_points(quaternion: Array, omega: Array, weight: Array) -> tuple[Array, Array]:
     """Attitudes and angular velocities of points whose deviations from the mean are larger by
     `UNKNOWN_FACTOR`, as GRP (up to rotations of 180 deg, beyond which the shorter rotation counts).

@@ -156,11 +156,11 @@ def refitted(
         if not found:
             return selected
         grown = selection.weighed(found)
-    best = grown.candidates[0]
-    if best.error.tau == 0.0 and not selection.explained(grown.candidates):
-        return None
-    nearest = min(_distance(each, best.minimum.u) for each in selected.candidates)
-    return grown if nearest <= _LARGEST_CHANGE else None
+        best = grown.candidates[0]
+        if best.error.tau == 0.0 and not selection.explained(grown.candidates):
+            return None
+        nearest = min(_distance(each, best.minimum.u) for each in selected.candidates)
+        return grown if nearest <= _LARGEST_CHANGE else None
 
 
 def narrowed(
