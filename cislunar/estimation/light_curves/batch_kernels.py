@@ -259,9 +259,7 @@ def predict_target(
     if health != HEALTHY:
         translation[:] = np.nan
         return
-    step_points(
-        points[0][:count], points[1][:count], points[3][:count], scene.step_s, model, TURN_PER_STEP
-    )
+    step_points(points[0][:count], points[1][:count], points[3][:count], scene.step_s, model)
     quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
     differences = np.empty((count, ROTATION))
     mixture_moments(quaternion, omega, weight, mean, rate, differences)

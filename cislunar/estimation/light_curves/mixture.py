@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cislunar.attitude.attitude_integrator import carry_rotation
+from cislunar.attitude.attitude_integrator import TURN_PER_STEP, carry_rotation
 from cislunar.attitude.grp import (
     grp_from_quaternion_components,
     quaternion_from_grp_components,
@@ -61,7 +61,7 @@ def turn_points(quaternion, omega, bodies, dt, model, turn_per_step):
 
 
 @njit_alloc
-def step_points(quaternion, omega, deviations, dt, model, turn_per_step):
+def step_points(quaternion, omega, deviations, dt, model, turn_per_step=TURN_PER_STEP):
     """`turn_points` for points whose bodies have the rotation deviations (n, m)."""
     bodies = make_bodies(quaternion.shape[0], model)
     set_bodies(bodies, deviations, model)
