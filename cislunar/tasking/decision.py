@@ -45,20 +45,23 @@ class Decision(NamedTuple):
         target[rows[:, 0], rows[:, 1]] = rows[:, 2]
         return self._replace(target_by_step=target)
 
+    def _slot_of(self, step: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Slots of steps."""
+        return np.searchsorted(self.starts, step, side="right") - 1
+
     def detects_at(
         self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
     ) -> Array:
         """Rows of `detects` of observations, shape (row, offset)."""
-        slot = np.searchsorted(self.starts, step, side="right") - 1
-        return self.detects[slot, observer, target]
+        return self.detects[self._slot_of(step), observer, target]
 
     def trials(
         self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], Array]:
         """Trials of observations, shape (row,): their targets (trial,) and rows of `detects`. Those
         of a target by one observer in a slot are one trial."""
-        slot = np.searchsorted(self.starts, step, side="right") - 1
-        slot, observer, target = np.unique(np.stack([slot, observer, target]), axis=1)
+        each = np.stack([self._slot_of(step), observer, target])
+        slot, observer, target = np.unique(each, axis=1)
         return target, self.detects[slot, observer, target]
 
     def learn(
@@ -70,7 +73,7 @@ class Decision(NamedTuple):
         outcome: NDArray[np.uint8],
     ) -> None:
         """Update the learned detection with the outcomes of observations, shape (row,)."""
-        slot = np.searchsorted(self.starts, step, side="right") - 1
+        slot = self._slot_of(step)
         for s, detects in enumerate(() if self.detects is None else self.detects):
             now = slot == s
             detection.learn(target[now], observer[now], outcome[now], detects)

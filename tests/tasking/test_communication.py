@@ -176,11 +176,8 @@ def test_expected_updates_agree_with_the_filter(problem, spans, model):
 
 @pytest.mark.parametrize("measurements", [1, 20])
 def test_expected_updates_are_those_of_linear_measurements(problem, spans, measurements):
-    scene, number, sensor = (
-        problem.scene,
-        60,
-        Sensor(limiting_magnitude=22.0, angle_noise_arcsec=0.1),
-    )
+    scene, number = problem.scene, 60
+    sensor = Sensor(limiting_magnitude=22.0, angle_noise_arcsec=0.1)
     own, _, _ = _made(problem, spans[0], "mukf")
     prediction = own.predict()
     # certain enough for linear measurements

@@ -46,8 +46,8 @@ from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.runtime import Array
 
 _SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.25
-"""Factors by which a light curve grows until all models are searched again, and until the modes of
-models with a model error are fitted again."""
+"""Factors by which a light curve grows until all models are searched again, and until the modes
+are fitted again if the models of `WIDE` were not left out."""
 
 _FRAME_ANGLE = np.sqrt(3.0) * np.deg2rad(5.0)
 """Angle, rad, of six equally weighted rotations, two about each axis, with which the body frame of
