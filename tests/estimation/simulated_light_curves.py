@@ -8,7 +8,6 @@ from oracles.light_curves import geometry, model_of
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.estimation.light_curves.light_curve import initial_state
 from cislunar.estimation.light_curves.mixture import mixture_moments
-from cislunar.estimation.light_curves.model_selection.characterization import attitude_status
 from cislunar.estimation.light_curves.model_selection.in_loop import Selection, reported_points
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, TIME, VIEW
 
@@ -44,7 +43,7 @@ def simulated(magnitude, seed=0):
 
 def rotation_at(selected, model, elapsed_s):
     """Mean attitude at a time after the epoch, and covariance (6, 6) of attitude error and rate."""
-    selection = Selection(selected, 0, 0, attitude_status(selected, model))
+    selection = Selection(selected, 0, 0)
     (quaternion, omega, weight, _), count = reported_points(selection, model, elapsed_s, 0)
     mean, differences = np.empty(4), np.empty((count, 6))
     mixture_moments(quaternion, omega, weight, mean, np.empty(3), differences)

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 import pytest
+from measured import SENSOR, during, measured_problem
 from oracles.light_curves import FACETS, anchor_of, model_of
 from oracles.reflection import lambert_phong_magnitude
 from simulated_light_curves import HOURS, observed_rows, rotation_at, simulated
@@ -12,8 +14,9 @@ from simulated_light_curves import HOURS, observed_rows, rotation_at, simulated
 from cislunar.attitude.grp import from_quaternion, to_quaternion
 from cislunar.attitude.quaternion import compose, to_body, to_inertial
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.light_curves.hypotheses import prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import cost
 from cislunar.estimation.light_curves.mixture import mixture_moments
 from cislunar.estimation.light_curves.model_selection.body_models import (
@@ -23,11 +26,13 @@ from cislunar.estimation.light_curves.model_selection.body_models import (
     with_body_model,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
+    AMBIGUOUS,
     UNIQUE,
     UNKNOWN_BODY,
     attitude_status,
 )
 from cislunar.estimation.light_curves.model_selection.correlated import (
+    MERGE_DISTANCE,
     CorrelatedFit,
     Minimum,
     ModelError,
@@ -38,11 +43,12 @@ from cislunar.estimation.light_curves.model_selection.in_loop import (
     parameter_deviations,
     report_points,
     reported_points,
+    status_of,
     updated_selection,
     widened_points,
 )
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.model_selection.selection import select_model
+from cislunar.estimation.light_curves.model_selection.selection import refitted, select_model
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, SUN, TIME, VIEW
 from cislunar.observation.target_surfaces import target_surfaces
@@ -94,7 +100,7 @@ def test_models_are_searched_again_only_where_that_is_needed():
     # a result that fails the tests is replaced at once
     assert updated(first, wrong[:300]).searched == 300
     # so is one of the wide models without a model error, when its modes are fitted again
-    wide = Selection(first.selected._replace(wide=True), 250, 250, UNIQUE)
+    wide = Selection(first.selected._replace(wide=True), 250, 250)
     assert updated(wide, data[:400]).searched == 250
     assert updated(wide, wrong).searched == 400
 
@@ -108,7 +114,7 @@ def test_the_rotation_of_an_unknown_body_is_more_uncertain():
     assert selected.body in ("known", "material")
 
     def sigma(selected, hours):
-        selection = Selection(selected, 100, 100, attitude_status(selected, model))
+        selection = Selection(selected, 100, 100)
         points, count = reported_points(selection, model, 3600.0 * hours, 0)
         quaternion, omega, found = np.empty(4), np.empty(3), np.empty(6)
         report_points(points, count, quaternion, omega, found)
@@ -234,20 +240,20 @@ def test_a_wrong_model_is_recognized_and_the_attitude_kept(truth):
     assert np.mean(distances) < 2.0
 
 
+def _darkening(attitudes, data, facets):
+    """Lambert-Phong facets that darken by 0.5 mag/rad of phase angle."""
+    phase = np.arccos(np.clip(np.sum(data[:, SUN] * data[:, VIEW], axis=1), -1.0, 1.0))
+    return lambert_phong_magnitude(attitudes, data, facets, Material()) + 0.5 * phase
+
+
 def test_another_law_is_told_from_another_shape():
-    """Lambert-Phong facets that darken by 0.5 mag/rad of phase angle: the law differs more than in
-    "small deviations", and the attitude is known. With a quarter of the facets eight times as
-    bright, the body is that of an unknown shape."""
-
-    def by_phase(attitudes, data, facets):
-        phase = np.arccos(np.clip(np.sum(data[:, SUN] * data[:, VIEW], axis=1), -1.0, 1.0))
-        return lambert_phong_magnitude(attitudes, data, facets, Material()) + 0.5 * phase
-
+    """The law of `_darkening` differs more than in "small deviations", and the attitude is known.
+    With a quarter of the facets eight times as bright, the body is that of an unknown shape."""
     bright = np.where(np.arange(FACETS.areas.size) % 4 == 0, 8.0, 1.0)
     uneven = replace(FACETS, areas=FACETS.areas * bright)
     cases = (FACETS, "other law", UNIQUE), (uneven, "large deviations", UNKNOWN_BODY)
     for facets, body, status in cases:
-        data, model, true, _ = simulated(partial(by_phase, facets=facets), 1)
+        data, model, true, _ = simulated(partial(_darkening, facets=facets), 1)
         selected = select_model(data, model, np.random.default_rng(1))
         assert selected.body == body
         assert attitude_status(selected, model) == status
@@ -255,6 +261,63 @@ def test_another_law_is_told_from_another_shape():
         angle, error = _angle_deg(estimate, true)
         assert angle < 5.0
         assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)[:3]))
+
+
+def test_models_that_are_fitted_again_are_weighed_as_after_a_search():
+    """The likelihood is tempered. A search follows if a body is no longer unknown."""
+    data, model, _, _ = simulated(partial(_darkening, facets=FACETS), 1)
+    settings = ModelSelectionSettings(effort=1)
+    first = select_model(data[:150], model, np.random.default_rng(1), settings)
+    assert first.tempering < 0.9 and first.wide and not first.unknown_body
+    rows = data[:220]
+    grown, explained = refitted(first, rows, model, np.random.default_rng(2), settings)
+    searched = select_model(rows, model, np.random.default_rng(3), settings)
+    assert explained and not grown.unknown_body
+    assert grown.body == searched.body
+    for body, evidence in grown.log_evidence.items():
+        assert evidence in (-np.inf, pytest.approx(searched.log_evidence[body], abs=1.0))
+    for one, other in combinations(grown.candidates, 2):  # none counts twice
+        if (one.body, one.error.length) == (other.body, other.error.length):
+            apart = one.minimum.u - other.minimum.u
+            assert apart @ one.minimum.information @ apart >= MERGE_DISTANCE
+    assert grown.tempering == pytest.approx(searched.tempering, abs=0.1)
+    unknown = Selection(first._replace(model_error_mag=0.3), 150, 150)
+    again = updated_selection(unknown, rows, model, np.random.default_rng(2), settings)
+    assert not again.selected.unknown_body and again.searched == len(rows)
+
+
+def test_the_status_is_that_of_the_present_attitude():
+    """Two modes with one attitude at the epoch, and angular velocities 2 deg/h apart."""
+    model = model_of()._replace(irradiance_4pi=False)
+    own, candidates = with_body_model(model, "known"), []
+    information = 1e6 * np.eye(own.sigma.size)
+    for rate in (0.0, np.deg2rad(2.0) / 3600.0 / own.sigma[3]):
+        u = np.zeros(own.sigma.size)
+        u[3] = rate
+        candidates.append(Candidate("known", ModelError(0.0, 1.0), Minimum(u, information, 0.0)))
+    selected = SelectedModel(tuple(candidates), np.array([0.6, 0.4]), {"known": 0.0}, 0.0, 1.0)
+    selection, none = Selection(selected, 10, 10), prior_hypotheses(1, own.sigma.size)
+    for hours, status in ((0.0, UNIQUE), (5.0, AMBIGUOUS)):
+        given = reported_points(selection, model, 3600.0 * hours, 0)
+        assert status_of(selection, none, *given) == status
+        large = selection._replace(selected=selected._replace(model_error_mag=0.3))
+        assert status_of(large, none, *given) == UNKNOWN_BODY
+
+
+def test_a_model_that_another_has_replaced_is_not_fitted():
+    """Those of all targets for an hour, and that of the first target for two hours."""
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=2.0)
+    estimator = BatchEstimator(
+        scene, surfaces, SENSOR, initial, np.random.default_rng(0), settings=BatchSettings()
+    )
+    fit = estimator._tracks.fit
+    fit.replaced[:] = 1
+    estimator.advance(during(measurements, 0, 60))
+    assert np.any(fit.rows > 0) and np.all(fit.fitted == 0)
+    fit.replaced[1:] = 0
+    estimator.advance(during(measurements, 60, 120))
+    assert fit.rows[0] > 0 and fit.fitted[0] == 0
+    np.testing.assert_array_equal(fit.fitted[1:], fit.rows[1:])
 
 
 def test_models_are_chosen_in_the_closed_loop():

@@ -51,7 +51,7 @@ BODY_MODELS = {
     ),
     "other law": BodyModel(
         BodyParameterPrior(
-            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.1,
+            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_scale=1.0, log_axis_scale=0.1,
             log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
             phase_curvature=0.3,
         ),
@@ -59,15 +59,15 @@ BODY_MODELS = {
     ),
     "medium deviations": BodyModel(
         BodyParameterPrior(
-            log_albedo=0.5, log_slope=0.35, logit_reflectance=1.0, log_axis_scale=0.2,
-            log_facets=0.5, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.2,
-            phase_curvature=0.2,
+            log_albedo=0.5, log_slope=0.35, logit_reflectance=1.0, log_scale=1.0,
+            log_axis_scale=0.2, log_facets=0.5, phong_share=0.7, lommel_seeliger_share=0.5,
+            phase_slope=0.2, phase_curvature=0.2,
         ),
         tempering_mag=0.05, unknown_shape=True,
     ),
     "large deviations": BodyModel(
         BodyParameterPrior(
-            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.3,
+            log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_scale=1.0, log_axis_scale=0.3,
             log_facets=1.0, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
             phase_curvature=0.3,
         ),
@@ -76,6 +76,8 @@ BODY_MODELS = {
 }  # fmt: skip
 """The models by name, apart from "other law" from the narrowest to the widest. "other law" has the
 shape priors of "small deviations" and the law priors of "large deviations"."""
+
+_LARGE_MODEL_ERROR_MAG = 0.25
 
 EXACT = tuple(name for name, body in BODY_MODELS.items() if body.tempering_mag is None)
 """Body models that are fitted without a model error only."""
@@ -134,6 +136,11 @@ class SelectedModel(NamedTuple):
     def unknown_shape(self) -> bool:
         """Whether that body model has an uncertain shape."""
         return BODY_MODELS[self.body].unknown_shape
+
+    @property
+    def unknown_body(self) -> bool:
+        """Whether the shape is uncertain or the model error exceeds 0.25 mag."""
+        return self.unknown_shape or self.model_error_mag > _LARGE_MODEL_ERROR_MAG
 
 
 def with_body_model(model: LightCurveModel, body: str) -> LightCurveModel:

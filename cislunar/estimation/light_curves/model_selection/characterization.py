@@ -33,7 +33,7 @@ ATTITUDE_STATUS_NAMES = ("unique", "ambiguous", "unknown")
 
 _SAME_ATTITUDE_DEG = 5.0
 _UNIQUE_SHARE = 0.95
-_LARGE_MODEL_ERROR_MAG = 0.25
+
 _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
 LEVELS = (0.025, 0.975)
@@ -99,11 +99,10 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
     Returns
     -------
     int
-        `UNKNOWN_BODY` if a body model of unknown shape has the greatest evidence or the model error
-        exceeds 0.25 mag; else `AMBIGUOUS` if modes that differ from the best one by more than 5 deg
-        at the epoch have more than 5 % of the weight; else `UNIQUE`.
+        `UNKNOWN_BODY` if `selected.unknown_body`; else `AMBIGUOUS` if modes that differ from the
+        best one by more than 5 deg at the epoch have more than 5 % of the weight; else `UNIQUE`.
     """
-    if selected.unknown_shape or selected.model_error_mag > _LARGE_MODEL_ERROR_MAG:
+    if selected.unknown_body:
         return UNKNOWN_BODY
     quaternion, omega = np.empty(4), np.empty(3)
     attitudes = []

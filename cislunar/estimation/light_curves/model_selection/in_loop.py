@@ -34,7 +34,6 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     UNKNOWN_BODY,
     UNKNOWN_FACTOR,
     agreement,
-    attitude_status,
 )
 from cislunar.estimation.light_curves.model_selection.selection import (
     narrowed,
@@ -62,14 +61,11 @@ class Selection(NamedTuple):
     selected : SelectedModel
     searched, fitted : int
         Numbers of rows of the light curve at the last search and at the last fit.
-    status : int
-        Status of the attitude, see `attitude_status`.
     """
 
     selected: SelectedModel
     searched: int
     fitted: int
-    status: int
 
 
 def updated_selection(
@@ -82,28 +78,26 @@ def updated_selection(
 ) -> Selection:
     """Selection for a light curve that may have grown.
 
-    All models are searched when the light curve has grown by a factor of 2.5, from its last modes.
-    In between, if the models of `WIDE` were left out at the last search, those of `EXACT` are
-    fitted again with any new row; otherwise all likely modes are fitted again after a growth by a
-    factor of 1.25. All models are searched as soon as these fits no longer explain the light curve
-    or change whether the attitude is unknown. For `modes` see `select_model`."""
+    All models are searched when the light curve has grown by a factor of 2.5. In between, if the
+    models of `WIDE` were left out at the last search, those of `EXACT` are fitted again with any
+    new row; otherwise all likely modes are fitted again after a growth by a factor of 1.25. All
+    models are searched as soon as these fits no longer explain the light curve or change whether
+    the body is unknown. A search begins with the last fits. For `modes` see `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last
+    previous = None if last is None else last.selected
     if last is not None and rows < _SEARCH_GROWTH * last.searched:
         if not last.selected.wide:
-            selected = narrowed(last.selected, data, model, settings, modes)
+            fitted, explained = narrowed(last.selected, data, model, settings, modes)
         elif rows < _FIT_GROWTH * last.fitted:
             return last
         else:
-            selected = refitted(last.selected, data, model, rng, settings)
-        if selected is not None:
-            status = attitude_status(selected, model)
-            if (status == UNKNOWN_BODY) == (last.status == UNKNOWN_BODY):
-                return Selection(selected, last.searched, rows, status)
-    previous = None if last is None else last.selected
-    selected = select_model(data, model, rng, settings, previous, modes)
-    return Selection(selected, rows, rows, attitude_status(selected, model))
+            fitted, explained = refitted(last.selected, data, model, rng, settings)
+        if explained and fitted.unknown_body == last.selected.unknown_body:
+            return Selection(fitted, last.searched, rows)
+        previous = fitted
+    return Selection(select_model(data, model, rng, settings, previous, modes), rows, rows)
 
 
 def reported_points(
@@ -114,7 +108,7 @@ def reported_points(
     unknown body are widened, and have an uncertain body frame if its shape is unknown."""
     quaternion, omega, weight, deviations = _points_of(selection.selected, model)
     step_points(quaternion, omega, deviations, elapsed_s, model, TURN_OF_LONG_STEP)
-    if selection.status == UNKNOWN_BODY:
+    if selection.selected.unknown_body:
         quaternion, omega = widened_points(quaternion, omega, weight)
     points = quaternion, omega, weight, deviations
     if selection.selected.unknown_shape:
@@ -202,13 +196,17 @@ def report_points(
 def status_of(
     selection: Selection | None, hypotheses: Hypotheses, points: tuple[Array, ...], count: int
 ) -> int:
-    """Status of the attitude: that of the selection if there is one; else `AMBIGUOUS` if the best
-    mode is suspect or the modes disagree about the present attitude, given by `count` points. A
-    target without a light curve is `UNIQUE`."""
+    """Status of the attitude: `UNKNOWN_BODY` if there is a selection and the body is unknown; else
+    `AMBIGUOUS` if the modes disagree about the present attitude, given by `count` points, or there
+    is no selection and the best mode is suspect. A target without a light curve is `UNIQUE`."""
+    weight = hypotheses.weight[: int(hypotheses.count[0])]
     if selection is not None:
-        return selection.status
-    live = int(hypotheses.count[0])
-    mode = points[0][:count].reshape(live, -1, 4)
+        weight = selection.selected.weight
+        if selection.selected.unknown_body:
+            return UNKNOWN_BODY
+    elif hypotheses.count[2]:
+        return AMBIGUOUS
+    mode = points[0][:count].reshape(weight.size, -1, 4)
     mode = (mode * np.sign(mode @ mode[:, 0, :, None])).sum(axis=1)  # the points are close together
     mode /= np.linalg.norm(mode, axis=1, keepdims=True)
-    return AMBIGUOUS if hypotheses.count[2] else agreement(mode, hypotheses.weight[:live])
+    return agreement(mode, weight)

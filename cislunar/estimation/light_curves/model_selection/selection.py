@@ -16,8 +16,7 @@ from scipy.linalg import solve
 from scipy.special import logsumexp
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.light_curves.batch_settings import BatchSettings, SearchSettings
-from cislunar.estimation.light_curves.hypotheses import prior_hypotheses, search
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.body_models import (
     BODY_MODELS,
@@ -36,6 +35,7 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
     bins_of_rows,
     distinct_minima,
 )
+from cislunar.estimation.light_curves.model_selection.mode_search import search_modes
 from cislunar.estimation.light_curves.model_selection.residual_tests import explains
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
@@ -57,30 +57,6 @@ _REFITTED_SHARE = 0.99
 _LARGEST_CHANGE = ROTATION + 4.0 * np.sqrt(2.0 * ROTATION)
 """Squared distance of a rotation from the previous ones, four standard deviations of chi squared
 above its mean, beyond which it is a new one."""
-_FIRST_ROWS, _GROWTH = 12, 1.5
-"""Rows of the first search, and the factor by which the rows grow from search to search."""
-
-
-def search_modes(
-    data: Array,
-    model: LightCurveModel,
-    settings: SearchSettings,
-    rng: np.random.Generator,
-    known: Sequence[Array] = (),
-) -> list[Array]:
-    """Modes of a light curve, best first, by searches of a growing share of its rows. With `known`
-    modes, such as those of a shorter light curve, a single search begins with them."""
-    modes, rows = prior_hypotheses(settings.modes, model.sigma.size), 0
-    if known:
-        count = min(len(known), settings.modes)
-        modes.u[:count], modes.count[0], rows = known[:count], count, len(data)
-        modes.weight[:count] = 1.0 / count
-        search(modes, data, model, settings._replace(starts=0, first_starts=0), rng, False)
-        search(modes, data, model, settings, rng, False)
-    while rows < len(data):
-        rows = min(len(data), max(_FIRST_ROWS, int(_GROWTH * rows)))
-        search(modes, data[:rows], model, settings, rng, False)
-    return [u.copy() for u in modes.u[: modes.count[0]]]
 
 
 def select_model(
@@ -138,29 +114,32 @@ def refitted(
     model: LightCurveModel,
     rng: np.random.Generator,
     settings: ModelSelectionSettings,
-) -> SelectedModel | None:
-    """Fit and weight the same models for a light curve that has grown, starting from their likely
-    previous modes. None if these modes no longer explain the light curve: the best of the new ones
-    has no model error and its residuals are not those of the noise, or it is near none of the
-    previous ones. See `select_model`."""
-    modes: dict[tuple[str, ModelError], list[Minimum]] = {}
+) -> tuple[SelectedModel, bool]:
+    """Fit and weight the likely models for a light curve that has grown, starting from their
+    previous modes, without and with model errors. The second value tells whether they explain it:
+    the best has a model error or residuals of the noise, and is near a previous one. Otherwise the
+    likelihood is not tempered. See `select_model`."""
     count = int(np.searchsorted(np.cumsum(selected.weight), _REFITTED_SHARE)) + 1
+    modes: dict[str, list[Minimum]] = {}
     for each in selected.candidates[:count]:
-        modes.setdefault((each.body, each.error), []).append(each.minimum)
+        modes.setdefault(each.body, []).append(each.minimum)
+    iterations = settings.warm_iterations if selected.tempering == 1.0 else settings.iterations
     with single_threaded_algebra():
         selection, found = _Selection(data, model, rng, settings, selected), []
-        for (body, error), own in modes.items():
-            starts, factor = [each.u for each in own], own[0].noise_factor
-            untempered = error._replace(beta=1.0)
-            found += selection.fit(body, untempered, starts, settings.warm_iterations, factor)
+        for body, own in modes.items():
+            starts, errors = [each.u for each in own], [_NO_ERROR]
+            if body in WIDE:
+                tau = own[0].tau or settings.check_error_mag
+                errors += [ModelError(tau, length) for length in settings.lengths]
+            for error in errors:
+                found += selection.fit(body, error, starts, iterations, own[0].noise_factor)
         if not found:
-            return selected
-        grown = selection.weighed(found)
-        best = grown.candidates[0]
-        if best.error.tau == 0.0 and not selection.explained(grown.candidates):
-            return None
+            return selected, False
+        best = max(found, key=_evidence)
         nearest = min(_distance(each, best.minimum.u) for each in selected.candidates)
-        return grown if nearest <= _LARGEST_CHANGE else None
+        explained = best.error.tau > 0.0 or selection.explained(found)
+        explained = explained and nearest <= _LARGEST_CHANGE
+        return selection.weighed(found, temper=explained), explained
 
 
 def narrowed(
@@ -169,16 +148,18 @@ def narrowed(
     model: LightCurveModel,
     settings: ModelSelectionSettings,
     modes: Sequence[Array] = (),
-) -> SelectedModel | None:
+) -> tuple[SelectedModel, bool]:
     """The choice between the models of `EXACT` alone for a light curve that has grown, starting
-    from their previous modes and those of the model; None if their residuals are not those of the
-    noise. See `select_model`."""
+    from their previous modes and those of the model, and whether the residuals of the best are
+    those of the noise. See `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
     with single_threaded_algebra():
         selection = _Selection(data, model, rng, settings, selected, modes)
         given = settings.warm_iterations
         found = [each for body in EXACT for each in selection.near_modes(body, given)]
-        return selection.weighed(found, wide=False) if selection.explained(found) else None
+        if not found:
+            return selected, False
+        return selection.weighed(found, wide=False), selection.explained(found)
 
 
 class _Selection:
@@ -231,17 +212,13 @@ class _Selection:
         return self._start(body, candidate.minimum.u, self.models[candidate.body])
 
     def _start(self, body: str, u: Array, model: LightCurveModel) -> Array:
-        """`start` from the parameters of a model. Of two lists of surface deviations that begin
-        with the same kinds the common ones are taken."""
+        """`start` from the parameters of a model."""
         own = self.models[body]
-        same = min(u.size, own.sigma.size)
-        surface = slice(same - self.carried)
-        if not np.array_equal(own.surface_kinds[surface], model.surface_kinds[surface]):
-            same = self.carried
         start = np.zeros(own.sigma.size)
-        estimated = own.sigma[:same] > 0.0
-        sigma = np.where(estimated, own.sigma[:same], 1.0)
-        start[:same] = np.where(estimated, u[:same] * model.sigma[:same] / sigma, 0.0)
+        start[: self.carried] = u[: self.carried]
+        _, to, of = np.intersect1d(own.surface_kinds, model.surface_kinds, return_indices=True)
+        to, of = to + self.carried, of + self.carried
+        start[to] = u[of] * model.sigma[of] / own.sigma[to]
         return start
 
     def run(self) -> SelectedModel:
@@ -256,14 +233,14 @@ class _Selection:
         explained = self.explained(exact)
         if explained:
             checks = self._checks([each for body in EXACT for each in found[body][:kept]])
-            greatest = max(each.minimum.log_evidence for each in exact)
-            if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
+            greatest = max(map(_evidence, exact))
+            if all(_evidence(each) < greatest - _CLEARLY_LESS for each in checks):
                 return self.weighed(exact + checks, wide=False)
         found |= {body: self._searched(body) for body in WIDE}
         everything = [each for body in BODY_MODELS for each in found[body]] + checks
         if explained:  # the checks are the fits with a model error
             return self.weighed(everything)
-        by_evidence = sorted(everything, key=lambda each: -each.minimum.log_evidence)
+        by_evidence = sorted(everything, key=_evidence, reverse=True)
         pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
         everything += self._with_errors(pool)
         return self.weighed(everything)
@@ -272,7 +249,7 @@ class _Selection:
         """Whether the best of some minima without a model error leaves residuals of the noise."""
         if not found:
             return False
-        best = max(found, key=lambda each: each.minimum.log_evidence)
+        best = max(found, key=_evidence)
         model, u = self.models[best.body], best.minimum.u
         residual = self.data[:, MAGNITUDE] - expected_rows(u, self.data, model)[0]
         return explains(residual, self.data, model.noise_variance, model.noise_freedom, u.size)
@@ -317,19 +294,21 @@ class _Selection:
             found += self.fit(body, error, starts, settings.iterations)
         return found
 
-    def weighed(self, everything: list[Candidate], *, wide: bool = True) -> SelectedModel:
+    def weighed(
+        self, everything: list[Candidate], *, wide: bool = True, temper: bool = True
+    ) -> SelectedModel:
         """The mixture of all minima, or of those of a tempered likelihood."""
-        evidence = np.array([each.minimum.log_evidence for each in everything])
+        evidence = np.array([_evidence(each) for each in everything])
         of_body = {}
         for body in BODY_MODELS:
-            own = [each.minimum.log_evidence for each in everything if each.body == body]
+            own = [_evidence(each) for each in everything if each.body == body]
             of_body[body] = float(logsumexp(own)) if own else -np.inf
         share = np.exp(evidence - logsumexp(evidence))
         tau = np.array([each.error.tau for each in everything])
         model_error = float(np.sqrt(share @ tau**2))
         best = max(of_body, key=of_body.__getitem__)
         beta = 1.0
-        if best in WIDE:
+        if temper and best in WIDE:
             beta = 1.0 / (1.0 + (model_error / BODY_MODELS[best].tempering_mag) ** 2)
         if beta > _LEAST_TEMPERING:
             return SelectedModel(*_mixture(everything), of_body, model_error, 1.0, wide)
@@ -344,8 +323,7 @@ class _Selection:
             error = ModelError(settings.first_error_mag, length)
             for body in (_SCREENED, *(each for each in WIDE if each != _SCREENED)):
                 starts = [self.start(body, each) for each in pool]
-                given = starts, settings.iterations
-                fitted = self.fit(body, error, *given)[: settings.kept_modes]
+                fitted = self.fit(body, error, starts, settings.iterations)[: settings.kept_modes]
                 found += fitted
                 if body == _SCREENED:
                     pool = fitted or pool
@@ -354,11 +332,10 @@ class _Selection:
     def _tempered(self, everything: list[Candidate], beta: float) -> list[Candidate]:
         """Minima of the tempered likelihood, for the best model error of each likely body model."""
         settings = self.settings
-        best = max(everything, key=lambda each: each.minimum.log_evidence)
+        ordered = sorted(everything, key=_evidence, reverse=True)
         chosen: dict[str, Candidate] = {}
-        for each in sorted(everything, key=lambda each: -each.minimum.log_evidence):
-            behind = best.minimum.log_evidence - each.minimum.log_evidence
-            if behind <= _DROP and each.error.tau > 0.0:
+        for each in ordered:
+            if _evidence(each) >= _evidence(ordered[0]) - _DROP and each.error.tau > 0.0:
                 chosen.setdefault(each.body, each)
         found: list[Candidate] = []
         for body, each in chosen.items():
@@ -381,6 +358,11 @@ class _Selection:
         return found
 
 
+def _evidence(candidate: Candidate) -> float:
+    """Logarithm of the evidence of a minimum."""
+    return candidate.minimum.log_evidence
+
+
 def _distance(candidate: Candidate, u: Array) -> float:
     """Squared distance of an initial rotation from that of a minimum, in its variances."""
     covariance = np.linalg.inv(candidate.minimum.information)[:ROTATION, :ROTATION]
@@ -390,8 +372,8 @@ def _distance(candidate: Candidate, u: Array) -> float:
 
 def _mixture(candidates: list[Candidate]) -> tuple[tuple[Candidate, ...], Array]:
     """The likely candidates, best first, and their weights."""
-    ordered = sorted(candidates, key=lambda each: -each.minimum.log_evidence)
-    evidence = np.array([each.minimum.log_evidence for each in ordered])
+    ordered = sorted(candidates, key=_evidence, reverse=True)
+    evidence = np.array([_evidence(each) for each in ordered])
     kept = min(int(np.sum(evidence > evidence[0] - _DROP)), _MOST_MODES)
     weight = np.exp(evidence[:kept] - evidence[0])
     return tuple(ordered[:kept]), weight / weight.sum()

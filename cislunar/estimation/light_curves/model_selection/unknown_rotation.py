@@ -43,7 +43,7 @@ from cislunar.estimation.light_curves.model_selection.characterization import (
     require_rows,
 )
 from cislunar.estimation.light_curves.model_selection.correlated import Minimum, distinct_minima
-from cislunar.estimation.light_curves.model_selection.selection import search_modes
+from cislunar.estimation.light_curves.model_selection.mode_search import search_modes
 from cislunar.estimation.light_curves.row_blocks import (
     MAGNITUDE,
     RANGE,
