@@ -110,6 +110,8 @@ class SelectedModel(NamedTuple):
         Root mean square of the correlated model error over the posterior.
     tempering : float
         Exponent beta of the likelihood of the mixture; 1 without tempering.
+    untempered : tuple of Candidate
+        Modes of the mixture without tempering, best first.
     wide : bool
         Whether the body models of `WIDE` were fitted, beyond the check of the narrow ones.
     """
@@ -119,6 +121,7 @@ class SelectedModel(NamedTuple):
     log_evidence: dict[str, float]
     model_error_mag: float
     tempering: float
+    untempered: tuple[Candidate, ...] = ()
     wide: bool = True
 
     @property

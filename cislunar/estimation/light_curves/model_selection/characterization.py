@@ -76,7 +76,7 @@ class Characterization(NamedTuple):
         Cross-section times albedo, m^2, of the diffuse sphere that reflects as much light, summed
         over the rows.
     status : int
-        `UNIQUE`, `AMBIGUOUS` or `UNKNOWN_BODY`.
+        `UNIQUE`, `AMBIGUOUS` or `UNKNOWN_BODY`, see `attitude_status`.
     """
 
     spin_period_h: EstimateInterval

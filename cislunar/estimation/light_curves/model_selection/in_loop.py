@@ -94,9 +94,10 @@ def updated_selection(
             return last
         else:
             fitted, explained = refitted(last.selected, data, model, rng, settings)
-        if explained and fitted.unknown_body == last.selected.unknown_body:
+        if explained:
             return Selection(fitted, last.searched, rows)
-        previous = fitted
+        known = fitted.candidates + last.selected.candidates
+        previous = fitted._replace(candidates=known)
     return Selection(select_model(data, model, rng, settings, previous, modes), rows, rows)
 
 
@@ -199,14 +200,12 @@ def status_of(
     """Status of the attitude: `UNKNOWN_BODY` if there is a selection and the body is unknown; else
     `AMBIGUOUS` if the modes disagree about the present attitude, given by `count` points, or there
     is no selection and the best mode is suspect. A target without a light curve is `UNIQUE`."""
-    weight = hypotheses.weight[: int(hypotheses.count[0])]
-    if selection is not None:
-        weight = selection.selected.weight
-        if selection.selected.unknown_body:
-            return UNKNOWN_BODY
-    elif hypotheses.count[2]:
+    if selection is not None and selection.selected.unknown_body:
+        return UNKNOWN_BODY
+    if selection is None and hypotheses.count[2]:
         return AMBIGUOUS
-    mode = points[0][:count].reshape(weight.size, -1, 4)
+    of_mode = 2 * (ROTATION + points[3].shape[1])
+    mode = points[0][:count].reshape(-1, of_mode, 4)
     mode = (mode * np.sign(mode @ mode[:, 0, :, None])).sum(axis=1)  # the points are close together
     mode /= np.linalg.norm(mode, axis=1, keepdims=True)
-    return agreement(mode, weight)
+    return agreement(mode, points[2][:count].reshape(-1, of_mode).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Searches of a light curve for the modes of its posterior, outside the tasking loop."""
+"""Searches of a light curve for the modes of its posterior, outside of compiled code."""
 
 from collections.abc import Sequence
 

@@ -81,8 +81,8 @@ def select_model(
     settings : ModelSelectionSettings, optional
         Settings with `effort` 1 if omitted.
     previous : SelectedModel, optional
-        Result for the light curve when it was shorter, whose modes are further starts in the place
-        of some random ones.
+        Earlier or preliminary result, whose modes are further starts in the place of some random
+        ones.
     modes : sequence of ndarray, shape (p,)
         Modes of `model` with its own surface deviations, if they have been searched already. The
         body models of `EXACT` are then fitted from them, and not searched.
@@ -116,14 +116,14 @@ def refitted(
     settings: ModelSelectionSettings,
 ) -> tuple[SelectedModel, bool]:
     """Fit and weight the likely models for a light curve that has grown, starting from their
-    previous modes, without and with model errors. The second value tells whether they explain it:
-    the best has a model error or residuals of the noise, and is near a previous one. Otherwise the
-    likelihood is not tempered. See `select_model`."""
-    count = int(np.searchsorted(np.cumsum(selected.weight), _REFITTED_SHARE)) + 1
+    previous modes, without and with model errors. The second value tells whether a search is not
+    needed: the best has residuals of the noise or a model error below the largest possible one, it
+    is near a previous mode, and the body is as unknown as before. Otherwise the likelihood is not
+    tempered. See `select_model`."""
+    likely, weight = _mixture(selected.untempered)
     modes: dict[str, list[Minimum]] = {}
-    for each in selected.candidates[:count]:
+    for each in likely[: int(np.searchsorted(np.cumsum(weight), _REFITTED_SHARE)) + 1]:
         modes.setdefault(each.body, []).append(each.minimum)
-    iterations = settings.warm_iterations if selected.tempering == 1.0 else settings.iterations
     with single_threaded_algebra():
         selection, found = _Selection(data, model, rng, settings, selected), []
         for body, own in modes.items():
@@ -132,14 +132,20 @@ def refitted(
                 tau = own[0].tau or settings.check_error_mag
                 errors += [ModelError(tau, length) for length in settings.lengths]
             for error in errors:
-                found += selection.fit(body, error, starts, iterations, own[0].noise_factor)
+                given = starts, settings.iterations, own[0].noise_factor
+                found += selection.fit(body, error, *given)
         if not found:
             return selected, False
-        best = max(found, key=_evidence)
-        nearest = min(_distance(each, best.minimum.u) for each in selected.candidates)
-        explained = best.error.tau > 0.0 or selection.explained(found)
-        explained = explained and nearest <= _LARGEST_CHANGE
-        return selection.weighed(found, temper=explained), explained
+        grown, largest = selection.weighed(found), settings.model_errors_mag[1]
+        best = grown.candidates[0]
+        nearest = min(_distance(each, best.minimum.u) for each in likely)
+        if (
+            (0.0 < best.error.tau < largest or selection.explained(found))
+            and nearest <= _LARGEST_CHANGE
+            and grown.unknown_body == selected.unknown_body
+        ):
+            return selection.tempered(found), True
+        return grown, False
 
 
 def narrowed(
@@ -163,7 +169,7 @@ def narrowed(
 
 
 class _Selection:
-    """Fits of one light curve. `known` has the modes of a shorter one, best first, and `apart`
+    """Fits of one light curve. `known` has the modes of an earlier result, best first, and `apart`
     those of them that are not near one of the modes of the model."""
 
     def __init__(
@@ -193,13 +199,16 @@ class _Selection:
         starts: Iterable[Array],
         iterations: int,
         noise_factor: float = 1.0,
+        *,
+        exact: bool = False,
     ) -> list[Candidate]:
-        """Distinct minima from the starts, best first."""
+        """Distinct minima from the starts, best first. The evidence of a model of `WIDE` contains
+        the prior probability of its model error, unless all models are taken as `exact`."""
         settings = self.settings
         given = self.data, self.bins, self.models[body], error, noise_factor
         fit = CorrelatedFit(*given, settings.model_errors_mag)
         found = [fit.refined(start, iterations) for start in starts]
-        if body in WIDE:
+        if body in WIDE and not exact:
             none = settings.no_error_share
             share = none if error.tau == 0.0 else (1.0 - none) / len(settings.lengths)
             found = [e._replace(log_evidence=e.log_evidence + np.log(share)) for e in found]
@@ -229,21 +238,20 @@ class _Selection:
             exactly = partial(self.near_modes, iterations=self.settings.iterations)
         found = {body: exactly(body) for body in EXACT}
         exact = [each for body in EXACT for each in found[body]]
-        checks: list[Candidate] = []
         explained = self.explained(exact)
         if explained:
             checks = self._checks([each for body in EXACT for each in found[body][:kept]])
             greatest = max(map(_evidence, exact))
             if all(_evidence(each) < greatest - _CLEARLY_LESS for each in checks):
                 return self.weighed(exact + checks, wide=False)
-        found |= {body: self._searched(body) for body in WIDE}
-        everything = [each for body in BODY_MODELS for each in found[body]] + checks
-        if explained:  # the checks are the fits with a model error
+        found |= {body: self._searched(body, exact=explained) for body in WIDE}
+        everything = [each for body in BODY_MODELS for each in found[body]]
+        if explained:
             return self.weighed(everything)
         by_evidence = sorted(everything, key=_evidence, reverse=True)
         pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
         everything += self._with_errors(pool)
-        return self.weighed(everything)
+        return self.tempered(everything)
 
     def explained(self, found: Sequence[Candidate]) -> bool:
         """Whether the best of some minima without a model error leaves residuals of the noise."""
@@ -278,11 +286,11 @@ class _Selection:
         starts += [self._start(body, each, self.model) for each in self.modes]
         return self.fit(body, _NO_ERROR, starts, iterations)
 
-    def _searched(self, body: str) -> list[Candidate]:
-        """Minima of a body model without a model error, by a search."""
+    def _searched(self, body: str, *, exact: bool = False) -> list[Candidate]:
+        """Minima of a body model without a model error, by a search. For `exact` see `fit`."""
         known = [self.start(body, each) for each in self.known]
         modes = search_modes(self.data, self.models[body], self.search_settings, self.rng, known)
-        return self.fit(body, _NO_ERROR, modes, self.settings.iterations)
+        return self.fit(body, _NO_ERROR, modes, self.settings.iterations, exact=exact)
 
     def _checks(self, exact: list[Candidate]) -> list[Candidate]:
         """Minima of the narrowest model of `WIDE` near those of `EXACT`. If their evidence is much
@@ -294,26 +302,29 @@ class _Selection:
             found += self.fit(body, error, starts, settings.iterations)
         return found
 
-    def weighed(
-        self, everything: list[Candidate], *, wide: bool = True, temper: bool = True
-    ) -> SelectedModel:
-        """The mixture of all minima, or of those of a tempered likelihood."""
+    def weighed(self, everything: list[Candidate], *, wide: bool = True) -> SelectedModel:
+        """The mixture of all minima, without tempering."""
         evidence = np.array([_evidence(each) for each in everything])
         of_body = {}
         for body in BODY_MODELS:
             own = [_evidence(each) for each in everything if each.body == body]
             of_body[body] = float(logsumexp(own)) if own else -np.inf
         share = np.exp(evidence - logsumexp(evidence))
-        tau = np.array([each.error.tau for each in everything])
-        model_error = float(np.sqrt(share @ tau**2))
-        best = max(of_body, key=of_body.__getitem__)
-        beta = 1.0
-        if temper and best in WIDE:
-            beta = 1.0 / (1.0 + (model_error / BODY_MODELS[best].tempering_mag) ** 2)
+        model_error = float(np.sqrt(share @ np.array([each.error.tau for each in everything]) ** 2))
+        likely, weight = _mixture(everything)
+        return SelectedModel(likely, weight, of_body, model_error, 1.0, likely, wide)
+
+    def tempered(self, everything: list[Candidate]) -> SelectedModel:
+        """The mixture of all minima, or of those of a tempered likelihood if a model of `WIDE` has
+        the greatest evidence and the model error is not small."""
+        selected, beta = self.weighed(everything), 1.0
+        if selected.body in WIDE:
+            scale = BODY_MODELS[selected.body].tempering_mag
+            beta = 1.0 / (1.0 + (selected.model_error_mag / scale) ** 2)
         if beta > _LEAST_TEMPERING:
-            return SelectedModel(*_mixture(everything), of_body, model_error, 1.0, wide)
-        tempered = self._tempered(everything, beta)
-        return SelectedModel(*_mixture(tempered), of_body, model_error, beta, wide)
+            return selected
+        likely, weight = _mixture(self._tempered(everything, beta))
+        return selected._replace(candidates=likely, weight=weight, tempering=beta)
 
     def _with_errors(self, pool: list[Candidate]) -> list[Candidate]:
         """Minima of the models of `WIDE` with a model error of both correlation lengths, from the
@@ -340,8 +351,12 @@ class _Selection:
         found: list[Candidate] = []
         for body, each in chosen.items():
             error = each.error._replace(beta=beta)
-            kind = body, error.length
-            starts = [e.minimum.u for e in everything if (e.body, e.error.length) == kind]
+            kind = body, error.length, True
+            starts = [
+                e.minimum.u
+                for e in everything
+                if (e.body, e.error.length, e.error.tau > 0.0) == kind
+            ]
             starts += [self.start(body, other) for other in self.known]
             model = self.models[body]
             factor = each.minimum.noise_factor
