@@ -116,24 +116,24 @@ def refitted(
     settings: ModelSelectionSettings,
 ) -> tuple[SelectedModel, bool]:
     """Fit and weight the likely models for a light curve that has grown, starting from their
-    previous modes, without and with model errors. The second value tells whether a search is not
-    needed: the best has residuals of the noise or a model error below the largest possible one, it
-    is near a previous mode, and the body is as unknown as before. Otherwise the likelihood is not
-    tempered. See `select_model`."""
+    previous modes, with the model errors that were not improbable. The second value tells whether a
+    search is not needed: the best has residuals of the noise or a model error below the largest
+    possible one, it is near a previous mode, and the body is as unknown as before. Otherwise the
+    likelihood is not tempered. See `select_model`."""
     likely, weight = _mixture(selected.untempered)
     modes: dict[str, list[Minimum]] = {}
     for each in likely[: int(np.searchsorted(np.cumsum(weight), _REFITTED_SHARE)) + 1]:
         modes.setdefault(each.body, []).append(each.minimum)
     with single_threaded_algebra():
         selection, found = _Selection(data, model, rng, settings, selected), []
-        for body, own in modes.items():
-            starts, errors = [each.u for each in own], [_NO_ERROR]
-            if body in WIDE:
-                tau = own[0].tau or settings.check_error_mag
-                errors += [ModelError(tau, length) for length in settings.lengths]
-            for error in errors:
-                given = starts, settings.iterations, own[0].noise_factor
-                found += selection.fit(body, error, *given)
+        errors = {
+            (each.body, each.error.length, each.error.tau > 0.0): each for each in likely[::-1]
+        }
+        exact = not any(with_error for *_, with_error in errors)
+        for body, error, first in errors.values():
+            starts = [each.u for each in modes.get(body, ())]
+            given = starts, settings.iterations, first.noise_factor
+            found += selection.fit(body, error, *given, exact=exact)
         if not found:
             return selected, False
         grown, largest = selection.weighed(found), settings.model_errors_mag[1]
