@@ -33,7 +33,6 @@ ATTITUDE_STATUS_NAMES = ("unique", "ambiguous", "unknown")
 
 _SAME_ATTITUDE_DEG = 5.0
 _UNIQUE_SHARE = 0.95
-
 _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
 LEVELS = (0.025, 0.975)
