@@ -4,6 +4,7 @@ The body models differ in the prior standard deviations of shape, surface and re
 the assumed body to one that is known only roughly.
 """
 
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -15,6 +16,12 @@ from cislunar.estimation.light_curves.model_selection.correlated import Minimum,
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.runtime import Array
+
+DROP = 12.0
+"""Difference in log evidence from the best minimum beyond which a minimum is dropped."""
+_STRONG = 3.0
+"""Difference in log evidence that is strong evidence for a model (Kass & Raftery 1995)."""
+_MOST_MODES = 32
 
 
 class BodyModel(NamedTuple):
@@ -47,7 +54,7 @@ BODY_MODELS = {
             log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.1,
             phase_curvature=0.1,
         ),
-        tempering_mag=0.1,
+        tempering_mag=0.05,
     ),
     "other law": BodyModel(
         BodyParameterPrior(
@@ -92,6 +99,16 @@ class Candidate(NamedTuple):
     body: str
     error: ModelError
     minimum: Minimum
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the evidence, with the prior probability of the model error."""
+        return self.minimum.log_evidence
+
+    def with_share(self, share: float) -> "Candidate":
+        """The candidate with a prior probability as a further factor of its evidence."""
+        evidence = self.log_evidence + float(np.log(share))
+        return self._replace(minimum=self.minimum._replace(log_evidence=evidence))
 
 
 class SelectedModel(NamedTuple):
@@ -144,6 +161,24 @@ class SelectedModel(NamedTuple):
     def unknown_body(self) -> bool:
         """Whether the shape is uncertain or the model error exceeds 0.25 mag."""
         return self.unknown_shape or self.model_error_mag > _LARGE_MODEL_ERROR_MAG
+
+
+def mixture(candidates: Iterable[Candidate]) -> tuple[tuple[Candidate, ...], Array]:
+    """The likely candidates, best first, and their weights."""
+    ordered = sorted(candidates, key=lambda each: each.log_evidence, reverse=True)
+    evidence = np.array([each.log_evidence for each in ordered])
+    kept = min(int(np.sum(evidence > evidence[0] - DROP)), _MOST_MODES)
+    weight = np.exp(evidence[:kept] - evidence[0])
+    return tuple(ordered[:kept]), weight / weight.sum()
+
+
+def wide_needed(candidates: Sequence[Candidate]) -> bool:
+    """Whether there is strong evidence for a body model of `WIDE`."""
+    wide, exact = (
+        max((each.log_evidence for each in candidates if each.body in bodies), default=-np.inf)
+        for bodies in (WIDE, EXACT)
+    )
+    return bool(wide - exact > _STRONG)
 
 
 def with_body_model(model: LightCurveModel, body: str) -> LightCurveModel:

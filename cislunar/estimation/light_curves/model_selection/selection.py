@@ -10,6 +10,7 @@ described only roughly. docs/attitude.md has the equations.
 
 from collections.abc import Iterable, Sequence
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 from scipy.linalg import solve
@@ -20,10 +21,13 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.body_models import (
     BODY_MODELS,
+    DROP,
     EXACT,
     WIDE,
     Candidate,
     SelectedModel,
+    mixture,
+    wide_needed,
     with_body_model,
 )
 from cislunar.estimation.light_curves.model_selection.correlated import (
@@ -44,14 +48,12 @@ from cislunar.runtime import Array
 from cislunar.runtime.threads import single_threaded_algebra
 
 _LEAST_TEMPERING = 0.9
-_DROP = 12.0
-"""Difference in log evidence from the best minimum beyond which a minimum is dropped."""
 _CLEARLY_LESS = 5.0
 """Difference in log evidence beyond which the wide body models are not fitted."""
+_LOG_EVIDENCE = attrgetter("log_evidence")
 _NO_ERROR = ModelError(0.0, 1.0)
 _SCREENED = "medium deviations"
 """Body model that tells which modes are fitted with a model error."""
-_MOST_MODES = 32
 _REFITTED_SHARE = 0.99
 """Share of the posterior whose modes are fitted again to a longer light curve."""
 _LARGEST_CHANGE = ROTATION + 4.0 * np.sqrt(2.0 * ROTATION)
@@ -120,7 +122,7 @@ def refitted(
     search is not needed: the best has residuals of the noise or a model error below the largest
     possible one, it is near a previous mode, and the body is as unknown as before. Otherwise the
     likelihood is not tempered. See `select_model`."""
-    likely, weight = _mixture(selected.untempered)
+    likely, weight = mixture(selected.untempered)
     modes: dict[str, list[Minimum]] = {}
     for each in likely[: int(np.searchsorted(np.cumsum(weight), _REFITTED_SHARE)) + 1]:
         modes.setdefault(each.body, []).append(each.minimum)
@@ -143,6 +145,7 @@ def refitted(
             (0.0 < best.error.tau < largest or selection.explained(found))
             and nearest <= _LARGEST_CHANGE
             and grown.unknown_body == selected.unknown_body
+            and not (exact and wide_needed(found))
         ):
             return selection.tempered(found), True
         return grown, False
@@ -207,13 +210,16 @@ class _Selection:
         settings = self.settings
         given = self.data, self.bins, self.models[body], error, noise_factor
         fit = CorrelatedFit(*given, settings.model_errors_mag)
-        found = [fit.refined(start, iterations) for start in starts]
-        if body in WIDE and not exact:
-            none = settings.no_error_share
-            share = none if error.tau == 0.0 else (1.0 - none) / len(settings.lengths)
-            found = [e._replace(log_evidence=e.log_evidence + np.log(share)) for e in found]
-        kept = distinct_minima(found)
-        return [Candidate(body, error._replace(tau=each.tau), each) for each in kept]
+        found = distinct_minima(fit.refined(start, iterations) for start in starts)
+        kept = [Candidate(body, error._replace(tau=each.tau), each) for each in found]
+        return kept if exact else [each.with_share(self._share(each)) for each in kept]
+
+    def _share(self, candidate: Candidate) -> float:
+        """Prior probability of the kind of model error of a minimum."""
+        if candidate.body in EXACT:
+            return 1.0
+        none, lengths = self.settings.no_error_share, self.settings.lengths
+        return none if candidate.error.tau == 0.0 else (1.0 - none) / len(lengths)
 
     def start(self, body: str, candidate: Candidate) -> Array:
         """A start for a body: the rotation of a minimum of another, and the surface deviations that
@@ -241,14 +247,16 @@ class _Selection:
         explained = self.explained(exact)
         if explained:
             checks = self._checks([each for body in EXACT for each in found[body][:kept]])
-            greatest = max(map(_evidence, exact))
-            if all(_evidence(each) < greatest - _CLEARLY_LESS for each in checks):
+            greatest = max(each.log_evidence for each in exact)
+            if all(each.log_evidence < greatest - _CLEARLY_LESS for each in checks):
                 return self.weighed(exact + checks, wide=False)
         found |= {body: self._searched(body, exact=explained) for body in WIDE}
         everything = [each for body in BODY_MODELS for each in found[body]]
         if explained:
-            return self.weighed(everything)
-        by_evidence = sorted(everything, key=_evidence, reverse=True)
+            if not wide_needed(everything):
+                return self.weighed(everything)
+            everything = [each.with_share(self._share(each)) for each in everything]
+        by_evidence = sorted(everything, key=_LOG_EVIDENCE, reverse=True)
         pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
         everything += self._with_errors(pool)
         return self.tempered(everything)
@@ -257,7 +265,7 @@ class _Selection:
         """Whether the best of some minima without a model error leaves residuals of the noise."""
         if not found:
             return False
-        best = max(found, key=_evidence)
+        best = max(found, key=_LOG_EVIDENCE)
         model, u = self.models[best.body], best.minimum.u
         residual = self.data[:, MAGNITUDE] - expected_rows(u, self.data, model)[0]
         return explains(residual, self.data, model.noise_variance, model.noise_freedom, u.size)
@@ -304,14 +312,14 @@ class _Selection:
 
     def weighed(self, everything: list[Candidate], *, wide: bool = True) -> SelectedModel:
         """The mixture of all minima, without tempering."""
-        evidence = np.array([_evidence(each) for each in everything])
+        evidence = np.array([each.log_evidence for each in everything])
         of_body = {}
         for body in BODY_MODELS:
-            own = [_evidence(each) for each in everything if each.body == body]
+            own = [each.log_evidence for each in everything if each.body == body]
             of_body[body] = float(logsumexp(own)) if own else -np.inf
         share = np.exp(evidence - logsumexp(evidence))
         model_error = float(np.sqrt(share @ np.array([each.error.tau for each in everything]) ** 2))
-        likely, weight = _mixture(everything)
+        likely, weight = mixture(everything)
         return SelectedModel(likely, weight, of_body, model_error, 1.0, likely, wide)
 
     def tempered(self, everything: list[Candidate]) -> SelectedModel:
@@ -323,7 +331,7 @@ class _Selection:
             beta = 1.0 / (1.0 + (selected.model_error_mag / scale) ** 2)
         if beta > _LEAST_TEMPERING:
             return selected
-        likely, weight = _mixture(self._tempered(everything, beta))
+        likely, weight = mixture(self._tempered(everything, beta))
         return selected._replace(candidates=likely, weight=weight, tempering=beta)
 
     def _with_errors(self, pool: list[Candidate]) -> list[Candidate]:
@@ -343,10 +351,10 @@ class _Selection:
     def _tempered(self, everything: list[Candidate], beta: float) -> list[Candidate]:
         """Minima of the tempered likelihood, for the best model error of each likely body model."""
         settings = self.settings
-        ordered = sorted(everything, key=_evidence, reverse=True)
+        ordered = sorted(everything, key=_LOG_EVIDENCE, reverse=True)
         chosen: dict[str, Candidate] = {}
         for each in ordered:
-            if _evidence(each) >= _evidence(ordered[0]) - _DROP and each.error.tau > 0.0:
+            if each.log_evidence >= ordered[0].log_evidence - DROP and each.error.tau > 0.0:
                 chosen.setdefault(each.body, each)
         found: list[Candidate] = []
         for body, each in chosen.items():
@@ -373,22 +381,8 @@ class _Selection:
         return found
 
 
-def _evidence(candidate: Candidate) -> float:
-    """Logarithm of the evidence of a minimum."""
-    return candidate.minimum.log_evidence
-
-
 def _distance(candidate: Candidate, u: Array) -> float:
     """Squared distance of an initial rotation from that of a minimum, in its variances."""
     covariance = np.linalg.inv(candidate.minimum.information)[:ROTATION, :ROTATION]
     apart = u[:ROTATION] - candidate.minimum.u[:ROTATION]
     return float(apart @ solve(covariance, apart, assume_a="pos"))
-
-
-def _mixture(candidates: list[Candidate]) -> tuple[tuple[Candidate, ...], Array]:
-    """The likely candidates, best first, and their weights."""
-    ordered = sorted(candidates, key=_evidence, reverse=True)
-    evidence = np.array([_evidence(each) for each in ordered])
-    kept = min(int(np.sum(evidence > evidence[0] - _DROP)), _MOST_MODES)
-    weight = np.exp(evidence[:kept] - evidence[0])
-    return tuple(ordered[:kept]), weight / weight.sum()
