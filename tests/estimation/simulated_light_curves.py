@@ -9,6 +9,7 @@ from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.estimation.light_curves.light_curve import initial_state
 from cislunar.estimation.light_curves.mixture import mixture_moments
 from cislunar.estimation.light_curves.model_selection.in_loop import Selection, reported_points
+from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, TIME, VIEW
 
 HOURS = 20.0
@@ -39,6 +40,15 @@ def simulated(magnitude, seed=0):
     data[:, MAGNITUDE] = magnitude(attitudes, data) + 0.1 * rng.standard_normal(len(data))
     data = np.ascontiguousarray(data[np.isfinite(data[:, MAGNITUDE])])
     return data, model, rotation(model, u, [3600.0 * HOURS])[0][0], u
+
+
+def as_believed(attitudes, data):
+    """Magnitudes of the body that the model assumes, inf for a dark object."""
+    model, found = model_of()._replace(irradiance_4pi=False), []
+    for q, row in zip(attitudes, data, strict=True):
+        still = model._replace(quaternion=np.asarray(q), omega=np.zeros(3))
+        found.append(expected_rows(np.zeros(6), row[None], still)[0][0])
+    return np.where(np.array(found) < 28.0, found, np.inf)
 
 
 def rotation_at(selected, model, elapsed_s):

@@ -8,7 +8,7 @@ import pytest
 from measured import SENSOR, during, measured_problem
 from oracles.light_curves import FACETS, anchor_of, model_of
 from oracles.reflection import lambert_phong_magnitude
-from simulated_light_curves import HOURS, observed_rows, rotation_at, simulated
+from simulated_light_curves import HOURS, as_believed, observed_rows, rotation_at, simulated
 
 from cislunar.attitude.grp import from_quaternion, to_quaternion
 from cislunar.attitude.quaternion import compose, to_body, to_inertial
@@ -62,15 +62,6 @@ from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.truth import TruthModel
 
 
-def _as_believed(attitudes, data):
-    model = model_of()._replace(irradiance_4pi=False)
-    found = []
-    for q, row in zip(attitudes, data, strict=True):
-        still = model._replace(quaternion=np.asarray(q), omega=np.zeros(3))
-        found.append(expected_rows(np.zeros(6), row[None], still)[0][0])
-    return np.where(np.array(found) < 28.0, found, np.inf)
-
-
 def _angle_deg(estimate, true):
     error = from_quaternion(compose(true, estimate.quaternion * np.array([-1.0, -1.0, -1.0, 1.0])))
     return np.rad2deg(np.linalg.norm(error)), error
@@ -79,7 +70,7 @@ def _angle_deg(estimate, true):
 def test_models_are_searched_again_only_where_that_is_needed():
     """A body as believed: the wide models are left out while its residuals are those of the noise.
     An error that varies with time brings them back."""
-    data, model, _, _ = simulated(_as_believed)
+    data, model, _, _ = simulated(as_believed)
     given = np.random.default_rng(1), ModelSelectionSettings(effort=1)
 
     def updated(last, rows):
@@ -109,7 +100,7 @@ def test_models_are_searched_again_only_where_that_is_needed():
 
 
 def test_a_search_begins_with_the_fits_that_led_to_it(monkeypatch):
-    data, model, _, _ = simulated(_as_believed)
+    data, model, _, _ = simulated(as_believed)
     settings, begun = ModelSelectionSettings(effort=1), []
 
     def kept(data, model, rng, settings, previous, modes):
@@ -132,7 +123,7 @@ def test_a_search_begins_with_the_fits_that_led_to_it(monkeypatch):
 def test_the_rotation_of_an_unknown_body_is_more_uncertain():
     """At the epoch and twelve hours later: 1.8 times the standard deviations of the same modes if
     the model error is large, and 5 deg about each axis besides if the shape is unknown."""
-    data, model, _, _ = simulated(_as_believed)
+    data, model, _, _ = simulated(as_believed)
     settings = ModelSelectionSettings(effort=1)
     selected = select_model(data[:100], model, np.random.default_rng(1), settings)
     assert selected.body in ("known", "material")
@@ -196,7 +187,7 @@ def test_parameters_are_those_of_the_chosen_models():
 def test_an_unknown_noise_is_estimated_with_the_model():
     """Three times the assumed noise: an exact model is still recognized, and its cost is that of
     the fit without a choice."""
-    data, model, true, _ = simulated(_as_believed)
+    data, model, true, _ = simulated(as_believed)
     data[:, MAGNITUDE] += 0.1 * np.sqrt(8.0) * np.random.default_rng(4).standard_normal(len(data))
     unknown = model._replace(noise_freedom=4.0)
     selected = select_model(data, unknown, np.random.default_rng(1))
@@ -217,8 +208,8 @@ def test_an_unknown_noise_is_estimated_with_the_model():
     assert other - one == pytest.approx(changed - usual, rel=1e-9)
 
 
-def test_a_body_as_believed_is_recognized():
-    data, model, true, _ = simulated(_as_believed)
+def test_a_bodyas_believed_is_recognized():
+    data, model, true, _ = simulated(as_believed)
     selected = select_model(data, model, np.random.default_rng(1))
     assert selected.body == "known" and selected.tempering == 1.0
     assert selected.model_error_mag < 0.02
