@@ -81,8 +81,8 @@ def updated_selection(
     All models are searched when the light curve has grown by a factor of 2.5. In between, if the
     models of `WIDE` were left out at the last search, those of `EXACT` are fitted again with any
     new row; otherwise all likely modes are fitted again after a growth by a factor of 1.25. All
-    models are searched as soon as these fits no longer explain the light curve or change whether
-    the body is unknown. A search begins with the last fits. For `modes` see `select_model`."""
+    models are searched as soon as `narrowed` or `refitted` tells that these fits do not suffice. A
+    search begins with the last fits. For `modes` see `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last

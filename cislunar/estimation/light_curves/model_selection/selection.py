@@ -1,11 +1,12 @@
 """Choice between models of a body by the evidence of its light curve.
 
-All models of `cislunar.estimation.light_curves.model_selection.body_models` are fitted, the wider
-ones also with a correlated model error, whose standard deviation is estimated, with two correlation
-lengths, and weighted by Laplace's approximation of the evidence. The wider ones are left out while
-a narrow one leaves residuals that are those of the noise and has a much larger evidence. If the
-best model is one of the wider ones, the likelihood is tempered, because its model error is
-described only roughly. docs/attitude.md has the equations.
+The models of `cislunar.estimation.light_curves.model_selection.body_models` are fitted and weighted
+by Laplace's approximation of the evidence. While a narrow one leaves residuals that are those of
+the noise, the wider ones are left out if their evidence is much smaller, and fitted without a model
+error if it is not much larger. Otherwise they are also fitted with a correlated model error of two
+lengths, whose standard deviation is estimated. If the best model is then one of the wider ones, the
+likelihood is tempered, because its model error is described only roughly. docs/attitude.md has the
+equations.
 """
 
 from collections.abc import Iterable, Sequence
@@ -120,8 +121,9 @@ def refitted(
     """Fit and weight the likely models for a light curve that has grown, starting from their
     previous modes, with the model errors that were not improbable. The second value tells whether a
     search is not needed: the best has residuals of the noise or a model error below the largest
-    possible one, it is near a previous mode, and the body is as unknown as before. Otherwise the
-    likelihood is not tempered. See `select_model`."""
+    possible one, it is near a previous mode, the body is as unknown as before, and
+    there is no strong evidence for a model of `WIDE` that was fitted without a model error.
+    Otherwise the likelihood is not tempered. See `select_model`."""
     likely, weight = mixture(selected.untempered)
     modes: dict[str, list[Minimum]] = {}
     for each in likely[: int(np.searchsorted(np.cumsum(weight), _REFITTED_SHARE)) + 1]:
