@@ -42,9 +42,11 @@ def simulated(magnitude, seed=0):
     return data, model, rotation(model, u, [3600.0 * HOURS])[0][0], u
 
 
-def as_believed(attitudes, data):
-    """Magnitudes of the body that the model assumes, inf for a dark object."""
+def as_believed(attitudes, data, **surface):
+    """Magnitudes of the body that the model assumes, with changes of its surface, inf for a dark
+    object."""
     model, found = model_of()._replace(irradiance_4pi=False), []
+    model = model._replace(surface=model.surface._replace(**surface))
     for q, row in zip(attitudes, data, strict=True):
         still = model._replace(quaternion=np.asarray(q), omega=np.zeros(3))
         found.append(expected_rows(np.zeros(6), row[None], still)[0][0])

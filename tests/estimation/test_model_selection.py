@@ -46,7 +46,6 @@ from cislunar.estimation.light_curves.model_selection.in_loop import (
     updated_selection,
     widened_points,
 )
-from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.model_selection.selection import (
     narrowed,
     refitted,
@@ -208,7 +207,7 @@ def test_an_unknown_noise_is_estimated_with_the_model():
     assert other - one == pytest.approx(changed - usual, rel=1e-9)
 
 
-def test_a_bodyas_believed_is_recognized():
+def test_a_body_as_believed_is_recognized():
     data, model, true, _ = simulated(as_believed)
     selected = select_model(data, model, np.random.default_rng(1))
     assert selected.body == "known" and selected.tempering == 1.0
@@ -231,14 +230,7 @@ def test_a_wrong_model_is_recognized_and_the_attitude_kept(truth):
 
     def magnitude(attitudes, data):
         if truth == "axes":
-            body = model_of().surface._replace(areas=facets.areas, normals=facets.normals)
-            still = model_of()._replace(irradiance_4pi=False, surface=body, omega=np.zeros(3))
-            rows = [
-                expected_rows(np.zeros(6), row[None], still._replace(quaternion=np.asarray(q)))
-                for q, row in zip(attitudes, data, strict=True)
-            ]
-            found = np.array([each[0][0] for each in rows])
-            return np.where(found < 28.0, found, np.inf)
+            return as_believed(attitudes, data, areas=facets.areas, normals=facets.normals)
         return lambert_phong_magnitude(attitudes, data, facets, Material())
 
     errors, distances = [], []

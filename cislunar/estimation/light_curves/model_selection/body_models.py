@@ -163,9 +163,14 @@ class SelectedModel(NamedTuple):
         return self.unknown_shape or self.model_error_mag > _LARGE_MODEL_ERROR_MAG
 
 
+def by_evidence(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """The candidates, best first."""
+    return sorted(candidates, key=lambda each: each.log_evidence, reverse=True)
+
+
 def mixture(candidates: Iterable[Candidate]) -> tuple[tuple[Candidate, ...], Array]:
     """The likely candidates, best first, and their weights."""
-    ordered = sorted(candidates, key=lambda each: each.log_evidence, reverse=True)
+    ordered = by_evidence(candidates)
     evidence = np.array([each.log_evidence for each in ordered])
     kept = min(int(np.sum(evidence > evidence[0] - DROP)), _MOST_MODES)
     weight = np.exp(evidence[:kept] - evidence[0])

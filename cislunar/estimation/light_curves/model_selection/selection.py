@@ -11,7 +11,6 @@ equations.
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from operator import attrgetter
 
 import numpy as np
 from scipy.linalg import solve
@@ -27,6 +26,7 @@ from cislunar.estimation.light_curves.model_selection.body_models import (
     WIDE,
     Candidate,
     SelectedModel,
+    by_evidence,
     mixture,
     wide_needed,
     with_body_model,
@@ -51,7 +51,6 @@ from cislunar.runtime.threads import single_threaded_algebra
 _LEAST_TEMPERING = 0.9
 _CLEARLY_LESS = 5.0
 """Difference in log evidence beyond which the wide body models are not fitted."""
-_LOG_EVIDENCE = attrgetter("log_evidence")
 _NO_ERROR = ModelError(0.0, 1.0)
 _SCREENED = "medium deviations"
 """Body model that tells which modes are fitted with a model error."""
@@ -121,9 +120,9 @@ def refitted(
     """Fit and weight the likely models for a light curve that has grown, starting from their
     previous modes, with the model errors that were not improbable. The second value tells whether a
     search is not needed: the best has residuals of the noise or a model error below the largest
-    possible one, it is near a previous mode, the body is as unknown as before, and
-    there is no strong evidence for a model of `WIDE` that was fitted without a model error.
-    Otherwise the likelihood is not tempered. See `select_model`."""
+    possible one, it is near a previous mode, the body is as unknown as before, and there is no
+    strong evidence for a model of `WIDE` that was fitted without a model error. Otherwise the
+    likelihood is not tempered. See `select_model`."""
     likely, weight = mixture(selected.untempered)
     modes: dict[str, list[Minimum]] = {}
     for each in likely[: int(np.searchsorted(np.cumsum(weight), _REFITTED_SHARE)) + 1]:
@@ -149,7 +148,7 @@ def refitted(
             and grown.unknown_body == selected.unknown_body
             and not (exact and wide_needed(found))
         ):
-            return selection.tempered(found), True
+            return selection.tempered(grown, found), True
         return grown, False
 
 
@@ -214,14 +213,19 @@ class _Selection:
         fit = CorrelatedFit(*given, settings.model_errors_mag)
         found = distinct_minima(fit.refined(start, iterations) for start in starts)
         kept = [Candidate(body, error._replace(tau=each.tau), each) for each in found]
-        return kept if exact else [each.with_share(self._share(each)) for each in kept]
+        return kept if exact else self._with_shares(kept)
 
-    def _share(self, candidate: Candidate) -> float:
-        """Prior probability of the kind of model error of a minimum."""
-        if candidate.body in EXACT:
-            return 1.0
+    def _with_shares(self, found: list[Candidate]) -> list[Candidate]:
+        """Minima with the prior probability of their kind of model error in the evidence. A model
+        of `EXACT` has no such error."""
         none, lengths = self.settings.no_error_share, self.settings.lengths
-        return none if candidate.error.tau == 0.0 else (1.0 - none) / len(lengths)
+        error = (1.0 - none) / len(lengths)
+        return [
+            each
+            if each.body in EXACT
+            else each.with_share(none if each.error.tau == 0.0 else error)
+            for each in found
+        ]
 
     def start(self, body: str, candidate: Candidate) -> Array:
         """A start for a body: the rotation of a minimum of another, and the surface deviations that
@@ -257,17 +261,16 @@ class _Selection:
         if explained:
             if not wide_needed(everything):
                 return self.weighed(everything)
-            everything = [each.with_share(self._share(each)) for each in everything]
-        by_evidence = sorted(everything, key=_LOG_EVIDENCE, reverse=True)
-        pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
+            everything = self._with_shares(everything)
+        pool = self._distinct([*by_evidence(everything), *self.known])[: 3 * kept]
         everything += self._with_errors(pool)
-        return self.tempered(everything)
+        return self.tempered(self.weighed(everything), everything)
 
     def explained(self, found: Sequence[Candidate]) -> bool:
         """Whether the best of some minima without a model error leaves residuals of the noise."""
         if not found:
             return False
-        best = max(found, key=_LOG_EVIDENCE)
+        best = by_evidence(found)[0]
         model, u = self.models[best.body], best.minimum.u
         residual = self.data[:, MAGNITUDE] - expected_rows(u, self.data, model)[0]
         return explains(residual, self.data, model.noise_variance, model.noise_freedom, u.size)
@@ -324,10 +327,10 @@ class _Selection:
         likely, weight = mixture(everything)
         return SelectedModel(likely, weight, of_body, model_error, 1.0, likely, wide)
 
-    def tempered(self, everything: list[Candidate]) -> SelectedModel:
-        """The mixture of all minima, or of those of a tempered likelihood if a model of `WIDE` has
-        the greatest evidence and the model error is not small."""
-        selected, beta = self.weighed(everything), 1.0
+    def tempered(self, selected: SelectedModel, everything: list[Candidate]) -> SelectedModel:
+        """The mixture of all minima, which is given, or of those of a tempered likelihood if a
+        model of `WIDE` has the greatest evidence and the model error is not small."""
+        beta = 1.0
         if selected.body in WIDE:
             scale = BODY_MODELS[selected.body].tempering_mag
             beta = 1.0 / (1.0 + (selected.model_error_mag / scale) ** 2)
@@ -353,7 +356,7 @@ class _Selection:
     def _tempered(self, everything: list[Candidate], beta: float) -> list[Candidate]:
         """Minima of the tempered likelihood, for the best model error of each likely body model."""
         settings = self.settings
-        ordered = sorted(everything, key=_LOG_EVIDENCE, reverse=True)
+        ordered = by_evidence(everything)
         chosen: dict[str, Candidate] = {}
         for each in ordered:
             if each.log_evidence >= ordered[0].log_evidence - DROP and each.error.tau > 0.0:
